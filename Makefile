@@ -1,0 +1,62 @@
+# Everything a person does with this checkout; `make` alone lists the targets. Nothing is written outside of it.
+
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+PYTHON ?= python3
+BIN := .venv/bin
+
+# Python wheels of ROS 2 set these for their own venv only; another venv's values would mislead ours.
+unexport VIRTUAL_ENV PYTHONHOME
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH
+endif
+
+# A venv is made for one ROS 2 distribution or for the wheels; sourcing another one makes it anew.
+READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
+PACKAGE := .venv/.package
+MESSAGES := .venv/.messages
+
+help:  ## list the targets
+	@sed -nE 's/^([a-z]+):.*## (.*)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-14s %s\n' "$$target" "$$text"; done
+
+setup: $(PACKAGE) $(MESSAGES)  ## make .venv/ with pinned versions, ROS 2 wheels if no distribution is sourced, ldcs_msgs
+
+sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
+	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
+
+test: lint  ## check the style, then run the whole test suite: PYTEST='-k word'
+	@source tools/environment.sh && ROS_PYTHON_CHECK_FIELDS=1 exec $(BIN)/python -m pytest $(PYTEST)
+
+lint: setup  ## check the style
+	@$(BIN)/ruff check --quiet .
+
+types: setup  ## check the types
+	@$(BIN)/mypy
+
+msgs: setup  ## build the interface package ldcs_msgs again
+	@source tools/environment.sh && $(BIN)/python tools/build_messages.py && touch $(MESSAGES)
+
+colcon: setup  ## build both packages with colcon into install/, then check what it installed
+	@tools/colcon.sh
+
+lock: setup  ## write the lock files anew with the newest versions (needs uv)
+	@tools/lock.sh
+
+clean:  ## remove all that the other targets made, except the bags in out/
+	rm -rf .venv build install log ldcs_ros.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find ldcs_ros test tools -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY): requirements/core.lock requirements/ros.lock tools/setup_venv.py tools/correct_exports.py
+	@command -v $(PYTHON) >/dev/null || { echo "setup: no $(PYTHON) here; expected Python 3.10 to 3.14" >&2; exit 1; }
+	@$(PYTHON) tools/setup_venv.py
+	@touch $@
+
+$(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# Exit status 3 means that this machine cannot build it: no stamp, so a later set-up tries again.
+$(MESSAGES): $(READY) tools/build_messages.py $(shell find msg_defs -type f)
+	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || [ $$? = 3 ]
+
+.PHONY: help setup sim test lint types msgs colcon lock clean

@@ -1,0 +1,53 @@
+"""Packaging of ldcs_ros, for pip and for colcon (ament_python); the version stands in package.xml."""
+
+from glob import glob
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "ldcs_ros"
+SHARE = f"share/{NAME}"
+manifest = ElementTree.parse("package.xml").getroot()
+
+setup(
+    name=NAME,
+    version=manifest.findtext("version"),
+    description=manifest.findtext("description"),
+    license="Apache-2.0",
+    maintainer=manifest.findtext("maintainer"),
+    maintainer_email=manifest.find("maintainer").get("email"),
+    python_requires=">=3.10",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    # msg_defs in the package is a link to the interface package beside it: one source, readable without ROS.
+    package_data={NAME: ["py.typed", "scenes/*.yaml", "msg_defs/msg/*.msg", "msg_defs/srv/*.srv"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (SHARE, ["package.xml"]),
+        (f"{SHARE}/launch", sorted(glob(f"{NAME}/launch/*.py"))),
+        (f"{SHARE}/config", sorted(glob(f"{NAME}/config/*.*"))),
+    ],
+    # The tested versions stand in requirements/*.lock; rclpy comes from the ROS 2 distribution or from ros.lock.
+    install_requires=[
+        "matplotlib",
+        "mcap",
+        "mcap-ros2-support",
+        "numba",
+        "numpy",
+        "pillow",
+        "pyyaml",
+        "rosbags",
+        "scipy",
+        "tqdm",
+    ],
+    extras_require={
+        # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
+        "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80"],
+    },
+    entry_points={
+        "console_scripts": [
+            "ldcs = ldcs_ros.cli.main:main",
+            "sim = ldcs_ros.ros.sim_node:main",
+        ],
+    },
+    zip_safe=False,
+)

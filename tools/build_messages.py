@@ -1,0 +1,65 @@
+"""Builds the interface package ldcs_msgs (msg_defs/) and installs it into the venv that runs this script.
+
+Exit status 3: it cannot be built on this machine; one line says what is missing. The twin runs without it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILD = ROOT / "build" / "messages"
+SKIPPED = 3
+
+
+def missing() -> list[str]:
+    """Return what this machine lacks to build message packages."""
+    lacks = [tool for tool in ("cmake", "g++", "make") if shutil.which(tool) is None]
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        lacks.append("Python.h (Debian, Ubuntu: apt install python3-dev)")
+    prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
+    if not any(Path(prefix, "share/rosidl_default_generators").is_dir() for prefix in prefixes if prefix):
+        lacks.append("ROS 2 (rosidl_default_generators)")
+    return lacks
+
+
+def main() -> int:
+    lacks = missing()
+    if lacks:
+        print(f"setup: ldcs_msgs is not built, missing: {', '.join(lacks)}; the twin runs without it")
+        return SKIPPED
+    prefixes = os.pathsep.join(filter(None, [sys.prefix, os.environ.get("AMENT_PREFIX_PATH")]))
+    environment = os.environ | {"AMENT_PREFIX_PATH": prefixes}
+    python_folder = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
+    commands = [
+        [
+            "cmake", "-S", str(ROOT / "msg_defs"), "-B", str(BUILD),
+            f"-DCMAKE_INSTALL_PREFIX={sys.prefix}",
+            f"-DPython3_EXECUTABLE={sys.executable}",
+            f"-DPYTHON_INSTALL_DIR={python_folder}",
+            "-DBUILD_TESTING=OFF",
+        ],
+        ["cmake", "--build", str(BUILD), "--parallel", str(os.cpu_count() or 1)],
+        ["cmake", "--install", str(BUILD)],
+    ]  # fmt: skip
+    shutil.rmtree(BUILD, ignore_errors=True)  # CMake's cache may name a Python or a message that is gone
+    BUILD.mkdir(parents=True)
+    log = BUILD / "log.txt"
+    with log.open("wb") as output:
+        for command in commands:
+            status = subprocess.call(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
+            if status:
+                sys.stderr.write("".join(log.read_text(errors="replace").splitlines(keepends=True)[-15:]))
+                print(f"setup: building ldcs_msgs failed, see {log.relative_to(ROOT)}", file=sys.stderr)
+                return 1
+    print("setup: built ldcs_msgs")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
