@@ -1,6 +1,6 @@
 """Builds the interface package ldcs_msgs (msg_defs/) and installs it into the venv that runs this script.
 
-Exit status 3: it cannot be built on this machine; one line says what is missing. The twin runs without it.
+Where it cannot be built, one line says why and the exit status is 1; the twin runs without it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "messages"
-SKIPPED = 3
 
 
 def missing() -> list[str]:
@@ -31,8 +30,8 @@ def missing() -> list[str]:
 def main() -> int:
     lacks = missing()
     if lacks:
-        print(f"setup: ldcs_msgs is not built, missing: {', '.join(lacks)}; the twin runs without it")
-        return SKIPPED
+        print(f"setup: ldcs_msgs is not built, missing: {', '.join(lacks)}; the twin runs without it", file=sys.stderr)
+        return 1
     prefixes = os.pathsep.join(filter(None, [sys.prefix, os.environ.get("AMENT_PREFIX_PATH")]))
     environment = os.environ | {"AMENT_PREFIX_PATH": prefixes}
     python_folder = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
@@ -55,7 +54,7 @@ def main() -> int:
             status = subprocess.call(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
             if status:
                 sys.stderr.write("".join(log.read_text(errors="replace").splitlines(keepends=True)[-15:]))
-                print(f"setup: building ldcs_msgs failed, see {log.relative_to(ROOT)}", file=sys.stderr)
+                print(f"setup: building ldcs_msgs failed, see {log}; the twin runs without it", file=sys.stderr)
                 return 1
     print("setup: built ldcs_msgs")
     return 0
