@@ -46,7 +46,7 @@ clean:  ## remove all that the other targets made, except the bags in out/
 	rm -rf .venv build install log ldcs_ros.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find ldcs_ros test tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(READY): requirements/core.lock requirements/ros.lock tools/setup_venv.py tools/correct_exports.py
+$(READY): requirements/core.lock requirements/ros.lock
 	@command -v $(PYTHON) >/dev/null || { echo "setup: no $(PYTHON) here; expected Python 3.10 to 3.14" >&2; exit 1; }
 	@$(PYTHON) tools/setup_venv.py
 	@touch $@
@@ -56,7 +56,7 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 	@touch $@
 
 # The twin runs without ldcs_msgs, so set-up goes on; without a stamp the next one tries again.
-$(MESSAGES): $(READY) tools/build_messages.py $(shell find msg_defs -type f)
+$(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || true
 
 .PHONY: help setup sim test lint types msgs colcon lock clean
