@@ -1,0 +1,65 @@
+"""What a bag says of a topic before its first message: message type and quality of service."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ldcs_ros.errors import RecordingError
+
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_WORDS = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+}
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service that a publisher offers, in the words that rosbag2 stores.
+
+    Attributes:
+        reliability: `reliable` or `best_effort`.
+        durability: `volatile` or `transient_local`.
+        history: `keep_last` or `keep_all`.
+        depth: Messages kept for a slow reader when history is `keep_last`.
+
+    Raises:
+        RecordingError: A word that rosbag2 does not know.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    def __post_init__(self) -> None:
+        for name, words in _WORDS.items():
+            if getattr(self, name) not in words:
+                raise RecordingError(
+                    f"unknown {name} {getattr(self, name)!r} in a topic's quality of service; "
+                    f"expected one of {list(words)}"
+                )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The nine fields of bag version 9; no deadline, no lifespan, no liveliness lease."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic's message type (`package/msg/Name`) and what its publisher offers."""
+
+    type: str
+    qos: Qos = field(default_factory=Qos)
