@@ -1,0 +1,79 @@
+"""ROS messages as bytes (CDR, little endian) by the rosbags type store: no ROS installation needed."""
+
+from __future__ import annotations
+
+import struct
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+# The stamp of a message that begins with a header lies right behind the four bytes that name the encoding.
+_STAMP = struct.Struct("<iI")
+_STAMP_OFFSET = 4
+_SENTINEL = 0xA5
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Any:
+    """The definitions of ROS 2 Kilted; those used here are the same in Humble to Rolling."""
+    return get_typestore(Stores.ROS2_KILTED)
+
+
+def message_class(message_type: str) -> Any:
+    """Return the dataclass of a type such as 'std_msgs/msg/Header'."""
+    return typestore().types[message_type]
+
+
+def encode(message: Any) -> bytes:
+    """Return the CDR bytes of a message object."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def decode(message_type: str, cdr: bytes) -> Any:
+    """Return the message object of CDR bytes; raises whatever the bytes provoke."""
+    return typestore().deserialize_cdr(cdr, message_type)
+
+
+def nanoseconds(time: float) -> int:
+    """Return a time [s] in nanoseconds, rounded to the nearest."""
+    return round(time * 1e9)
+
+
+def time_message(time_ns: int) -> Any:
+    """Return builtin_interfaces/Time."""
+    sec, nanosec = divmod(time_ns, 1_000_000_000)
+    return message_class("builtin_interfaces/msg/Time")(sec=sec, nanosec=nanosec)
+
+
+def header(time_ns: int, frame: str) -> Any:
+    """Return std_msgs/Header."""
+    return message_class("std_msgs/msg/Header")(stamp=time_message(time_ns), frame_id=frame)
+
+
+def sentinel(size: int) -> np.ndarray:
+    """Return the bytes that mark the block which a `PatchedMessage` fills, shape (size,)."""
+    return np.full(size, _SENTINEL, dtype=np.uint8)
+
+
+class PatchedMessage:
+    """A large message of constant layout: encoded once, then only stamp and one block are written.
+
+    Args:
+        message: Message object that begins with a header and holds `sentinel(size)` in place of the block.
+        size: Length of the block [bytes].
+    """
+
+    def __init__(self, message: Any, size: int) -> None:
+        self._bytes = bytearray(encode(message))
+        offset = self._bytes.find(sentinel(size).tobytes())
+        if offset < 0:
+            raise ValueError(f"{message.__msgtype__} does not hold a block of {size} bytes")
+        self._block = slice(offset, offset + size)
+
+    def fill(self, time_ns: int, block: np.ndarray) -> bytes:
+        """Return the message with this stamp and this block (contiguous, of the right size)."""
+        _STAMP.pack_into(self._bytes, _STAMP_OFFSET, *divmod(time_ns, 1_000_000_000))
+        self._bytes[self._block] = block.view(np.uint8).reshape(-1).data
+        return bytes(self._bytes)

@@ -1,0 +1,160 @@
+"""Commands from CDR bytes to the simulation's inputs: taken whole or refused whole, and counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import CommandError
+from ldcs_ros.interface.cdr import decode
+from ldcs_ros.interface.topics import TOPICS
+
+REASONS = (
+    "malformed",
+    "wrong size",
+    "not a number",
+    "infinite",
+    "over limit",
+    "unknown frame",
+    "unknown joint",
+    "effect absent",
+    "vented",
+)
+
+
+class Refusal(CommandError):
+    """A refused command.
+
+    Attributes:
+        reason: One of REASONS, under which it is counted.
+    """
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+
+
+class Commands:
+    """Applies commands to a simulation.
+
+    Args:
+        simulation: Its `inputs` take the commands.
+
+    Attributes:
+        accepted: Number of commands applied, by topic.
+        refused: Number of commands refused, by reason.
+        last_refusal: The latest refusal in words; '' while there was none.
+    """
+
+    def __init__(self, simulation: Any) -> None:
+        self._simulation = simulation
+        self._apply: dict[str, Callable[[Any], None]] = {
+            "pressure_command": self._pressure,
+            "torque_command": self._torque,
+            "external_wrench": self._wrench,
+        }
+        self.accepted: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()
+        self.last_refusal = ""
+
+    def receive(self, topic: str, cdr: bytes) -> Any:
+        """Apply a command message and return its decoded form.
+
+        Raises:
+            Refusal: Nothing changed; the refusal has been counted.
+            KeyError: `topic` is not one that takes commands.
+        """
+        apply = self._apply[topic]
+        try:
+            message = _decode(topic, cdr)
+            apply(message)
+        except Refusal as refusal:
+            self.refuse(refusal, topic)
+            raise
+        self.accepted[topic] += 1
+        return message
+
+    def refuse(self, refusal: Refusal, topic: str) -> None:
+        """Count a refusal; also for those that are decided outside, such as the watchdog's."""
+        self.refused[refusal.reason] += 1
+        self.last_refusal = f"{topic} refused, {refusal}"
+
+    def _pressure(self, message: Any) -> None:
+        inputs, arms = self._simulation.inputs, self._simulation.arm_names
+        if inputs.pressure is None:
+            raise Refusal(
+                "effect absent",
+                "the arms of this scene are not driven by pressure; load one with drive: pressure",
+            )
+        values = np.asarray(message.data, dtype=float)
+        if values.size not in (1, len(arms)):
+            expected = f"1 or {len(arms)} ({', '.join(arms)}) [Pa]"
+            raise Refusal("wrong size", f"got {values.size} pressures, expected {expected}")
+        _check_finite(values, "pressure [Pa]")
+        _within_limits(inputs.set_pressure, float(values[0]) if values.size == 1 else tuple(values.tolist()))
+
+    def _torque(self, message: Any) -> None:
+        inputs, known = self._simulation.inputs, list(self._simulation.joint_names)
+        if inputs.torque is None:
+            raise Refusal(
+                "effect absent",
+                "the arms of this scene are not driven by torque; load one with drive: torque",
+            )
+        names, values = list(message.name), np.asarray(message.effort, dtype=float)
+        if not names or len(names) != values.size:
+            raise Refusal(
+                "wrong size", f"got {values.size} efforts [N m] for {len(names)} names, expected one each"
+            )
+        strange = [name for name in names if name not in known]
+        if strange:
+            raise Refusal("unknown joint", f"got {strange[0]!r}, expected names out of {known}")
+        if len(set(names)) != len(names):
+            raise Refusal("wrong size", f"got a joint twice in {names}, expected each once")
+        _check_finite(values, "effort [N m]")
+        torque = np.array(inputs.torque, dtype=float)
+        for name, value in zip(names, values, strict=True):
+            torque.flat[known.index(name)] = value
+        _within_limits(inputs.set_torque, torque)
+
+    def _wrench(self, message: Any) -> None:
+        simulation, frame = self._simulation, message.header.frame_id
+        if "wrench" not in simulation.effects:
+            raise Refusal("effect absent", "the scene has no effect 'wrench'; add {type: wrench}")
+        force, torque = (_components(part) for part in (message.wrench.force, message.wrench.torque))
+        _check_finite(force, "force [N]")
+        _check_finite(torque, "torque [N m]")
+        try:
+            simulation.pose(frame.removesuffix("_aligned"))
+        except (ValueError, KeyError) as error:
+            raise Refusal("unknown frame", str(error)) from error
+        _within_limits(simulation.inputs.set_wrench, frame, force=force, torque=torque)
+
+
+def _decode(topic: str, cdr: bytes) -> Any:
+    try:
+        return decode(TOPICS[topic].type, cdr)
+    except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
+        raise Refusal("malformed", f"not a {TOPICS[topic].type} ({error!r})") from error
+
+
+def _components(vector: Any) -> tuple[float, float, float]:
+    return (float(vector.x), float(vector.y), float(vector.z))
+
+
+def _check_finite(values: Iterable[float], what: str) -> None:
+    array = np.asarray(tuple(values), dtype=float)
+    if np.isnan(array).any():
+        raise Refusal("not a number", f"got {array.tolist()}, expected finite numbers for {what}")
+    if np.isinf(array).any():
+        raise Refusal("infinite", f"got {array.tolist()}, expected finite numbers for {what}")
+
+
+def _within_limits(setter: Callable[..., None], *arguments: Any, **keywords: Any) -> None:
+    # Size, numbers and names have been checked: what is left for the simulation to refuse is the amount.
+    try:
+        setter(*arguments, **keywords)
+    except CommandError as error:
+        raise Refusal("over limit", str(error)) from error

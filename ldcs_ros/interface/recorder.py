@@ -1,0 +1,129 @@
+"""Recorder: the sink that puts a twin's messages into a bag, one bag for each run from the scene's start."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros import recording
+from ldcs_ros.interface.topics import Topic
+from ldcs_ros.interface.twin import Twin
+
+DEFAULT_NAMESPACE = "/ldcs"
+
+
+class Recorder:
+    """Records a twin; add it to the twin's sinks.
+
+    Trouble with the disk never stops the twin: recording ends, and `error` says why.
+
+    Args:
+        folder: Bag folder; one that exists is never overwritten.
+        twin: What is recorded.
+        namespace: Namespace put before relative topic names.
+        custom_data: Further texts stored with the bag.
+
+    Raises:
+        RecordingError: The folder exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        twin: Twin,
+        *,
+        namespace: str = DEFAULT_NAMESPACE,
+        custom_data: Mapping[str, str] | None = None,
+    ) -> None:
+        self._twin = twin
+        self._namespace = namespace.rstrip("/")
+        self._custom_data = {**run_description(twin), **(custom_data or {})}
+        self._first_folder = Path(folder)
+        self._resets = 0
+        # Markers are for viewers, who can draw them from `nodes`; they would fill most of the bag.
+        self._names = {
+            name: self._absolute(name) for name, topic in twin.topics.items() if not topic.on_demand
+        }
+        self._writer = self._open(self._first_folder)
+
+    @property
+    def folder(self) -> Path:
+        """Bag folder of the present run."""
+        return self._writer.folder
+
+    @property
+    def error(self) -> str | None:
+        """Why recording stopped, in one line; None while all is well."""
+        return self._writer.error
+
+    @property
+    def count(self) -> int:
+        """Messages recorded in the present bag."""
+        return self._writer.count
+
+    def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
+        """Record one message, if its topic is one that is recorded."""
+        name = self._names.get(topic)
+        if name is not None:
+            self._writer.write(name, message_type, cdr, time_ns)
+
+    def start_over(self) -> None:
+        """End the bag and begin the next one, '<folder>_reset1' and so on: time starts again at a reset.
+
+        Raises:
+            RecordingError: The next bag cannot be opened; nothing is recorded any more.
+        """
+        self._writer.close()
+        self._resets += 1
+        first = self._first_folder
+        self._writer = self._open(first.with_name(f"{first.name}_reset{self._resets}"))
+
+    def close(self) -> None:
+        """End the bag."""
+        self._writer.close()
+
+    def _open(self, folder: Path) -> recording.BagWriter:
+        topics = {self._names[name]: _info(self._twin.topics[name]) for name in self._names}
+        return recording.BagWriter(folder, topics=topics, custom_data=self._custom_data)
+
+    def _absolute(self, name: str) -> str:
+        return name if name.startswith("/") else f"{self._namespace}/{name}"
+
+
+def run_description(twin: Twin) -> dict[str, str]:
+    """Return what it takes to run a twin again, as texts."""
+    return {
+        "scene": twin.scene.text,
+        "scene_name": str(twin.scene.name),
+        "seed": "" if twin.seed is None else str(twin.seed),
+        "accuracy": "" if twin.accuracy is None else repr(twin.accuracy),
+        "publish_rate": repr(twin.publish_rate),
+        "tracker_rate": "" if twin.tracker_parameters is None else repr(twin.tracker_parameters.rate),
+        "ldcs_ros": _version(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "platform": platform.platform(),
+    }
+
+
+def _version() -> str:
+    from importlib import metadata
+
+    try:
+        return metadata.version("ldcs_ros")
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _info(topic: Topic) -> Any:
+    qos = recording.Qos(
+        reliability="reliable" if topic.reliable else "best_effort",
+        durability="transient_local" if topic.transient_local else "volatile",
+        depth=topic.depth,
+    )
+    return recording.TopicInfo(topic.type, qos)

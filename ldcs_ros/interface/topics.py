@@ -1,0 +1,118 @@
+"""Every topic of the twin as data: name, ROS type, direction and quality of service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+BASE_FRAME = "ldcs_base"
+TRACKER_FRAME = "trakstar_base"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Attributes:
+        name: Name, relative unless it starts with '/'; '{point}' and '{arm}' stand for each of them.
+        type: ROS message type.
+        direction: 'in' for commands, 'out' for what the twin reports.
+        meaning: What it carries, with units.
+        reliable: Reliable delivery; else best effort.
+        transient_local: The last messages are kept for those who come late.
+        depth: Length of the queue.
+        on_demand: Built only while somebody listens.
+    """
+
+    name: str
+    type: str
+    direction: str
+    meaning: str
+    reliable: bool = True
+    transient_local: bool = False
+    depth: int = 10
+    on_demand: bool = False
+
+
+_ALL = (
+    Topic(
+        "pressure_command",
+        "std_msgs/msg/Float64MultiArray",
+        "in",
+        "gauge pressure of each arm [Pa], order left, right; one value for both",
+    ),
+    Topic(
+        "torque_command", "sensor_msgs/msg/JointState", "in", "joint torques [N m] in effort, by joint name"
+    ),
+    Topic(
+        "external_wrench",
+        "geometry_msgs/msg/WrenchStamped",
+        "in",
+        "force [N] and torque [N m] at the point named by frame_id, held until replaced or timed out",
+    ),
+    Topic(
+        "nodes",
+        "sensor_msgs/msg/PointCloud2",
+        "out",
+        "all nodes, height 2 n (layer, i), width n (j): x y z [m], vx vy vz [m/s], float32",
+    ),
+    Topic(
+        "{point}/pose",
+        "geometry_msgs/msg/PoseStamped",
+        "out",
+        "pose that the tracker reports, stamped when measured",
+    ),
+    Topic(
+        "trakstar_msg",
+        "geometry_msgs/msg/TransformStamped",
+        "out",
+        "the tracker as its ROS 2 driver publishes it: one message a probe, stamped when delivered",
+    ),
+    Topic(
+        "trakstar_raw_msg",
+        "geometry_msgs/msg/TransformStamped",
+        "out",
+        "the same in the transmitter's own axes (x and z reversed)",
+    ),
+    Topic("truth/{point}/pose", "geometry_msgs/msg/PoseStamped", "out", "noise-free pose of the point"),
+    Topic(
+        "joint_states",
+        "sensor_msgs/msg/JointState",
+        "out",
+        "arm joints: angle [rad], rate [rad/s], drive torque [N m]",
+    ),
+    Topic(
+        "{arm}/pressure",
+        "sensor_msgs/msg/FluidPressure",
+        "out",
+        "measured pressure [Pa], absolute as the type defines",
+    ),
+    Topic("surface", "visualization_msgs/msg/Marker", "out", "triangle mesh of the sheet", on_demand=True),
+    Topic(
+        "loads",
+        "visualization_msgs/msg/MarkerArray",
+        "out",
+        "arrows of the forces on the sheet",
+        on_demand=True,
+    ),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "out", "health of the twin at 1 Hz"),
+    Topic("/clock", "rosgraph_msgs/msg/Clock", "out", "simulation time", depth=1),
+    Topic("/tf", "tf2_msgs/msg/TFMessage", "out", "points in ldcs_base", depth=100),
+    Topic(
+        "/tf_static",
+        "tf2_msgs/msg/TFMessage",
+        "out",
+        "trakstar_base in ldcs_base",
+        transient_local=True,
+        depth=1,
+    ),
+)
+
+TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ALL}
+
+
+def expand(name: str, names: Iterable[str]) -> dict[str, Topic]:
+    """Return the topics that a pattern such as '{point}/pose' stands for, by their names."""
+    pattern = TOPICS[name]
+    filled = (name.format(point=one, arm=one) for one in names)
+    return {one: replace(pattern, name=one) for one in filled}

@@ -1,0 +1,289 @@
+"""Twin: a simulation with its sensors, commands and watchdog, and its messages in the order of time."""
+
+from __future__ import annotations
+
+import math
+import time as wall
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.interface import messages
+from ldcs_ros.interface.cdr import nanoseconds
+from ldcs_ros.interface.commands import Commands, Refusal
+from ldcs_ros.interface.diagnostics import OK, WARN, Status, diagnostic_array
+from ldcs_ros.interface.outputs import Outputs
+from ldcs_ros.interface.topics import TOPICS, Topic
+from ldcs_ros.interface.vent import RAMP_TIME, VentRamp
+from ldcs_ros.interface.watchdog import Watchdog
+from ldcs_ros.sensors import PressureSensor, PressureSensorParameters, Ticks, Tracker, TrackerParameters
+
+Sink = Callable[[str, str, bytes, int], None]
+ARM_COMMANDS = ("pressure_command", "torque_command")
+
+
+class Twin:
+    """Advances a simulation and emits what a rig would send, each message when its time has come.
+
+    Nothing depends on who calls it: the node, the command line and a replay that advance and command it alike
+    get the same bytes. Each tick of a sensor and each report is an event at an exact multiple of its period.
+
+    Args:
+        scene: What is simulated.
+        sinks: Callables `sink(topic, message_type, cdr, time_ns)`; each gets every message, also the commands
+            that were applied. Names are relative, times are of the simulation.
+        seed: Seed of the sensors' noise; None for the scene's own.
+        accuracy: Position error asked of the solver [m]; None for the scene's.
+        tracker_rate: Rate of the tracker [Hz]; None for the scene's.
+        publish_rate: Reports of the state a second [Hz].
+        wanted: Tells by name whether a topic that is built on demand is wanted now; None for never.
+        watchdog: Watches the commands; None for one that is off.
+        diagnostics: Emit /diagnostics once a second of simulation time; the node has more to say and does it.
+        ambient_pressure: Absolute pressure of the surrounding air [Pa].
+        publish_clock: Emit /clock with each report.
+        publish_tf: Emit /tf with each report, /tf_static at the start.
+
+    Attributes:
+        simulation: The simulation.
+        time: Time up to which everything has been emitted [s].
+        topics: Every topic that may be emitted or received, by relative name.
+        commands: Counters of accepted and refused commands.
+        watchdog: The watchdog; its owner calls `check_watchdog`.
+        sinks: The sinks; a caller may add and remove some between two advances.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        *,
+        sinks: Iterable[Sink] = (),
+        seed: int | None = None,
+        accuracy: float | None = None,
+        tracker_rate: float | None = None,
+        publish_rate: float = 50.0,
+        wanted: Callable[[str], bool] | None = None,
+        watchdog: Watchdog | None = None,
+        diagnostics: bool = True,
+        ambient_pressure: float = 101325.0,
+        publish_clock: bool = False,
+        publish_tf: bool = False,
+    ) -> None:
+        self.scene = scene
+        self.seed = seed
+        self.accuracy = accuracy
+        self.publish_rate = publish_rate
+        self.sinks = list(sinks)
+        self.simulation = scene.build() if accuracy is None else scene.build(accuracy=accuracy)
+        self.watchdog = watchdog or Watchdog(wall.monotonic)
+        self.commands = Commands(self.simulation)
+        self.tracker_parameters = _tracker(scene.sensors, tracker_rate)
+        self.pressure_parameters = _pressure_sensor(scene.sensors)
+        self._outputs = Outputs(
+            self.simulation,
+            self.emit,
+            wanted=wanted or (lambda name: False),
+            tracker=self.tracker_parameters,
+            pressure_sensor=self.pressure_parameters,
+            ambient_pressure=ambient_pressure,
+            publish_clock=publish_clock,
+            publish_tf=publish_tf,
+        )
+        self._diagnostics = diagnostics
+        self.topics: dict[str, Topic] = {**self._outputs.topics, "/diagnostics": TOPICS["/diagnostics"]}
+        self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}
+        self._start()
+
+    @property
+    def next_time(self) -> float:
+        """When the next event is due [s]."""
+        return min(self._next_tick, self._next_delivery)
+
+    def advance_to_next(self) -> None:
+        """Go on to the next event and emit all that belongs to it.
+
+        Raises:
+            DivergenceError: The simulation cannot go on; nothing was emitted, the state before is whole.
+        """
+        time = self.next_time
+        if self._next_tick <= time:
+            self._move(time)
+        self.time = time
+        # Measurements first: one that is delivered without delay belongs to this very event.
+        if self._tracker is not None:
+            if self._tracker.next_tick <= time:
+                self._tracker.measure(self.simulation.pose)
+            self._outputs.report_tracker(self._tracker.deliver(time))
+        if self._pressure_sensor is not None and self._pressure_sensor.next_tick <= time:
+            self._outputs.report_pressure(self._pressure_sensor.measure(self.simulation.state.pressure))
+        if self._reports.time <= time:
+            self._reports.advance()
+            self._outputs.report_state()
+            self._continue_vent()
+        if self._diagnostics and self._health.time <= time:
+            self._health.advance()
+            self.emit_diagnostics("ldcs_sim", self.statuses())
+
+    def advance_to(self, seconds: float) -> None:
+        """Emit everything up to a time [s] and bring the simulation there.
+
+        Raises:
+            DivergenceError: The simulation cannot go on; what came before has been emitted.
+        """
+        while self.next_time <= seconds:
+            self.advance_to_next()
+        self._move(seconds)
+        self.time = max(self.time, seconds)
+
+    def advance_to_report(self) -> None:
+        """Go on to the next report of the state, exactly one publish period after the last."""
+        self.advance_to(self._reports.time)
+
+    def receive(self, topic: str, cdr: bytes) -> str | None:
+        """Apply a command at the present time; return None, or why it was refused whole."""
+        self._move(self.time)
+        try:
+            if topic in ARM_COMMANDS and self.watchdog.tripped:
+                raise self._vented(topic)
+            message = self.commands.receive(topic, cdr)
+        except Refusal as refusal:
+            return str(refusal)
+        if topic in ARM_COMMANDS:
+            self._ramp = None
+            self.watchdog.feed()
+        else:
+            self.watchdog.feed_wrench(message.header.frame_id)
+        self.emit(TOPICS[topic], cdr, nanoseconds(self.time))
+        return None
+
+    def check_watchdog(self) -> bool:
+        """Act on silence: vent the arms, clear wrenches; return True when the watchdog tripped just now."""
+        for frame in self.watchdog.stale_wrenches():
+            self._clear_wrench(frame)
+        tripped = self.watchdog.check()
+        if tripped:
+            self.vent()
+        return tripped
+
+    def vent(self, duration: float = RAMP_TIME) -> None:
+        """Ramp what the arms are commanded to zero over a duration [s] of simulation time; 0 for at once."""
+        inputs = self.simulation.inputs
+        value = inputs.pressure if inputs.pressure is not None else inputs.torque
+        if value is None or not np.any(value):
+            return
+        self._move(self.time)
+        self._ramp = VentRamp(self.time, np.array(value, dtype=float), duration)
+        self._continue_vent()
+
+    def rearm(self) -> bool:
+        """Accept commands for the arms again; return whether the watchdog had tripped."""
+        return self.watchdog.rearm()
+
+    def reset(self) -> None:
+        """Back to the scene's start: state, inputs, sensors and their noise; counters stay."""
+        self.simulation.reset()
+        self.watchdog.forget()
+        self._start()
+
+    def statuses(self) -> list[Status]:
+        """Return the health of solver, commands and watchdog."""
+        statistics = self.simulation.statistics
+        refused = sum(self.commands.refused.values())
+        counts = {f"refused, {reason}": count for reason, count in sorted(self.commands.refused.items())}
+        return [
+            Status("solver", OK, "running", statistics.as_dict()),
+            Status(
+                "commands",
+                OK,
+                self.commands.last_refusal or "none refused",
+                {"accepted": sum(self.commands.accepted.values()), "refused": refused, **counts},
+            ),
+            Status(
+                "watchdog",
+                WARN if self.watchdog.tripped else OK,
+                "tripped: arms vented, call rearm" if self.watchdog.tripped else self.watchdog.state,
+                {
+                    "command_timeout [s]": self.watchdog.timeout,
+                    "wrench_timeout [s]": self.watchdog.wrench_timeout,
+                    "trips": self.watchdog.trips,
+                },
+            ),
+        ]
+
+    def emit_diagnostics(self, owner: str, statuses: Iterable[Status]) -> None:
+        """Emit /diagnostics with these entries, stamped with the present time."""
+        now = nanoseconds(self.time)
+        self.emit(TOPICS["/diagnostics"], diagnostic_array(now, owner, statuses), now)
+
+    def emit(self, topic: Topic, cdr: bytes, time_ns: int) -> None:
+        """Hand a message to all sinks."""
+        for sink in self.sinks:
+            sink(topic.name, topic.type, cdr, time_ns)
+
+    @property
+    def _next_tick(self) -> float:
+        ticks = [sensor.next_tick for sensor in (self._tracker, self._pressure_sensor) if sensor is not None]
+        if self._diagnostics:
+            ticks.append(self._health.time)
+        return min(self._reports.time, *ticks) if ticks else self._reports.time
+
+    @property
+    def _next_delivery(self) -> float:
+        return math.inf if self._tracker is None else self._tracker.next_delivery
+
+    def _start(self) -> None:
+        start = self.time = self.simulation.time
+        self._reports = Ticks.starting_at(self.publish_rate, start)
+        self._health = Ticks.starting_at(1.0, start)
+        self._ramp: VentRamp | None = None
+        self._tracker = self._pressure_sensor = None
+        if (tracker := self.tracker_parameters) is not None:
+            self._tracker = Tracker(tracker, self._generator(0, tracker.seed), start)
+        if (pressure := self.pressure_parameters) is not None:
+            self._pressure_sensor = PressureSensor(pressure, self._generator(1, pressure.seed), start)
+        self._outputs.report_static(start)
+
+    def _generator(self, sensor: int, seed: int) -> np.random.Generator:
+        # One stream a sensor: adding a sensor does not change what the others report.
+        return np.random.default_rng([sensor, seed if self.seed is None else self.seed])
+
+    def _move(self, time: float) -> None:
+        if time > self.simulation.time:
+            self.simulation.advance_to(time)
+
+    def _continue_vent(self) -> None:
+        if self._ramp is None:
+            return
+        value, now = self._ramp.at(self.time), nanoseconds(self.time)
+        inputs = self.simulation.inputs
+        if inputs.pressure is not None:
+            inputs.set_pressure(tuple(value.tolist()))
+            self.emit(TOPICS["pressure_command"], messages.pressure_command(value), now)
+        else:
+            inputs.set_torque(value)
+            names = self.simulation.joint_names
+            self.emit(TOPICS["torque_command"], messages.torque_command(now, names, value), now)
+        if self._ramp.is_over(self.time):
+            self._ramp = None
+
+    def _clear_wrench(self, frame: str) -> None:
+        self._move(self.time)
+        self.simulation.inputs.clear_wrench(frame)
+        now, nothing = nanoseconds(self.time), (0.0, 0.0, 0.0)
+        self.emit(TOPICS["external_wrench"], messages.wrench_command(now, frame, nothing, nothing), now)
+
+    def _vented(self, topic: str) -> Refusal:
+        refusal = Refusal("vented", "the watchdog vented the arms; call rearm, then send commands in time")
+        self.commands.refuse(refusal, topic)
+        return refusal
+
+
+def _tracker(sensors: Any, rate: float | None) -> TrackerParameters | None:
+    if "tracker" not in sensors:
+        return None
+    given = dict(sensors["tracker"])
+    return TrackerParameters(**(given if rate is None else {**given, "rate": rate}))
+
+
+def _pressure_sensor(sensors: Any) -> PressureSensorParameters | None:
+    return PressureSensorParameters(**sensors["pressure"]) if "pressure" in sensors else None

@@ -1,0 +1,57 @@
+"""The pressure sensors of the arms: gauge pressure at their own rate, with noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ldcs_ros.sensors.checks import check_range
+from ldcs_ros.sensors.ticks import Ticks
+
+
+@dataclass(frozen=True)
+class PressureSensorParameters:
+    """What the scene says of the pressure sensors.
+
+    Attributes:
+        rate: Measurements a second [Hz].
+        noise: Standard deviation [Pa].
+        seed: Seed of the noise.
+    """
+
+    rate: float
+    noise: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_range("pressure", "rate", self.rate, 1e-3, 1e5, "Hz")
+        check_range("pressure", "noise", self.noise, 0.0, 1e6, "Pa")
+
+
+class PressureSensor:
+    """Measures the gauge pressure of every arm at its ticks.
+
+    Args:
+        parameters: What the scene says.
+        generator: Source of the noise; each tick draws one number an arm.
+        start: Time of the first possible tick [s].
+    """
+
+    def __init__(
+        self, parameters: PressureSensorParameters, generator: np.random.Generator, start: float = 0.0
+    ) -> None:
+        self.parameters = parameters
+        self._generator = generator
+        self._ticks = Ticks.starting_at(parameters.rate, start)
+
+    @property
+    def next_tick(self) -> float:
+        """When it measures next [s]."""
+        return self._ticks.time
+
+    def measure(self, pressure: np.ndarray) -> np.ndarray:
+        """Return what is reported at the present tick for gauge pressures [Pa] of shape (n_arms,)."""
+        self._ticks.advance()
+        pressure = np.asarray(pressure, dtype=float)
+        return pressure + self._generator.normal(0.0, 1.0, pressure.shape) * self.parameters.noise

@@ -1,0 +1,124 @@
+"""The electromagnetic tracker (trakSTAR): poses of points at its own rate, late, noisy and rounded."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ldcs_ros.errors import SceneError
+from ldcs_ros.sensors.checks import check_range
+from ldcs_ros.sensors.ticks import Ticks
+
+Pose = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class TrackerParameters:
+    """What the scene says of the tracker.
+
+    The orientation comes without noise: the maker gives a static accuracy of half a degree, most of it bias,
+    and no figure for its noise.
+
+    Attributes:
+        points: Names of the points that carry a probe, probe 0 first.
+        rate: Measurements a second [Hz].
+        delay: From a measurement to its delivery [s].
+        noise: Standard deviation of the position, each axis on its own [m].
+        quantum: Step of the reported position [m]; 0 for none.
+        seed: Seed of the noise.
+    """
+
+    points: tuple[str, ...]
+    rate: float
+    delay: float = 0.0
+    noise: float = 0.0
+    quantum: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", tuple(self.points))
+        if not self.points or len(set(self.points)) != len(self.points):
+            raise SceneError(
+                f"sensors.tracker.points is {list(self.points)}, expected different names of points"
+            )
+        check_range("tracker", "rate", self.rate, 1e-3, 1e5, "Hz")
+        check_range("tracker", "delay", self.delay, 0.0, 10.0, "s")
+        check_range("tracker", "noise", self.noise, 0.0, 1.0, "m")
+        check_range("tracker", "quantum", self.quantum, 0.0, 1.0, "m")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One pose of one probe, as reported.
+
+    Attributes:
+        probe: Number of the probe.
+        point: Name of the point that carries it.
+        time: When it was measured [s].
+        delivered: When it is known outside [s].
+        position: Reported position in ldcs_base [m], shape (3,).
+        orientation: Quaternion x, y, z, w from the point's frame to ldcs_base, shape (4,).
+    """
+
+    probe: int
+    point: str
+    time: float
+    delivered: float
+    position: np.ndarray
+    orientation: np.ndarray
+
+
+class Tracker:
+    """Measures at its ticks and delivers `delay` later, in order.
+
+    Args:
+        parameters: What the scene says.
+        generator: Source of the noise; each tick draws three numbers a probe, so a run is repeatable.
+        start: Time of the first possible tick [s].
+    """
+
+    def __init__(
+        self, parameters: TrackerParameters, generator: np.random.Generator, start: float = 0.0
+    ) -> None:
+        self.parameters = parameters
+        self._generator = generator
+        self._ticks = Ticks.starting_at(parameters.rate, start)
+        self._under_way: deque[Measurement] = deque()
+
+    @property
+    def next_tick(self) -> float:
+        """When it measures next [s]."""
+        return self._ticks.time
+
+    @property
+    def next_delivery(self) -> float:
+        """When the next measurement is delivered [s]; infinite while none is under way."""
+        return self._under_way[0].delivered if self._under_way else math.inf
+
+    def measure(self, pose: Callable[[str], Pose]) -> None:
+        """Measure all probes at the present tick; `pose(point)` gives position [m] and quaternion."""
+        time = self._ticks.time
+        for probe, point in enumerate(self.parameters.points):
+            position, orientation = pose(point)
+            reported = self._report(np.asarray(position, dtype=float))
+            delivered = time + self.parameters.delay
+            self._under_way.append(
+                Measurement(probe, point, time, delivered, reported, np.asarray(orientation))
+            )
+        self._ticks.advance()
+
+    def deliver(self, time: float) -> list[Measurement]:
+        """Hand out what is due at `time` [s], oldest first."""
+        due = []
+        while self.next_delivery <= time:
+            due.append(self._under_way.popleft())
+        return due
+
+    def _report(self, position: np.ndarray) -> np.ndarray:
+        noisy = position + self._generator.normal(0.0, 1.0, 3) * self.parameters.noise
+        quantum = self.parameters.quantum
+        return np.round(noisy / quantum) * quantum if quantum > 0.0 else noisy

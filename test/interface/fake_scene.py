@@ -1,0 +1,111 @@
+"""A scene whose simulation moves on rails: its state is a known function of time, so messages can be foretold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+from ldcs_ros.errors import CommandError, DivergenceError
+
+NODES = (3, 2)
+SPEED = 0.1  # m/s, upwards
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class RailInputs:
+    def __init__(self, drive):
+        self.pressure = np.zeros(2) if drive == "pressure" else None
+        self.torque = np.zeros((2, 2)) if drive == "torque" else None
+        self.wrenches = {}
+
+    def set_pressure(self, value):
+        value = np.broadcast_to(np.asarray(value, dtype=float), (2,))
+        if (value > 2.0e5).any():
+            raise CommandError("pressure above 200000 Pa")
+        self.pressure = value.copy()
+
+    def set_torque(self, value):
+        value = np.asarray(value, dtype=float)
+        if (np.abs(value) > 1.0).any():
+            raise CommandError("torque above 1 N m")
+        self.torque = value.copy()
+
+    def set_wrench(self, frame, force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0)):
+        self.wrenches[frame] = SimpleNamespace(force=force, torque=torque)
+
+    def clear_wrench(self, frame):
+        del self.wrenches[frame]
+
+
+class RailSimulation:
+    """Rises at SPEED; P0 and P1 are its first and last node; diverges at a time that the scene names."""
+
+    lattice = SimpleNamespace(nodes=NODES, n_nodes=12)
+    arm_names = ("left", "right")
+    joint_names = ("left_joint_1", "left_joint_2", "right_joint_1", "right_joint_2")
+    joint_torque = np.array([[0.1, 0.2], [0.3, 0.4]])
+
+    def __init__(self, scene):
+        self.scene = scene
+        self.effects = scene.effects
+        self.points = {"P0": None, "P1": None}
+        self.visited = []
+        self.reset()
+        self.statistics = SimpleNamespace(as_dict=lambda: {"steps": 1}, error_estimate=0.0)
+
+    def reset(self):
+        self.time = 0.0
+        self.inputs = RailInputs(self.scene.drive)
+
+    def advance_to(self, time):
+        if time > self.scene.diverges_at:
+            raise DivergenceError(f"the simulation diverged at t = {self.scene.diverges_at} s")
+        self.visited.append(time)
+        self.time = time
+
+    @property
+    def state(self):
+        position = np.arange(36, dtype=float).reshape(12, 3) * 1e-2
+        position[:, 2] += SPEED * self.time
+        velocity = np.zeros((12, 3))
+        velocity[:, 2] = SPEED
+        joints = np.array([[1.0, 2.0], [3.0, 4.0]])
+        pressure = np.zeros(2) if self.inputs.pressure is None else self.inputs.pressure
+        return SimpleNamespace(
+            time=self.time,
+            position=position,
+            velocity=velocity,
+            joint_angle=joints,
+            joint_rate=-joints,
+            pressure=pressure,
+        )
+
+    def pose(self, name):
+        if name not in ("P0", "P1"):
+            raise ValueError(f"got {name!r}, expected a point out of ['P0', 'P1']")
+        return self.state.position[0 if name == "P0" else -1], IDENTITY
+
+
+@dataclass
+class RailScene:
+    drive: str = "pressure"
+    effects: tuple = ("arms", "wrench")
+    sensors: dict = field(default_factory=dict)
+    diverges_at: float = float("inf")
+    name: str = "rail"
+    text: str = "title: rail\n"
+
+    def build(self):
+        return RailSimulation(self)
+
+
+class Collector(list):
+    """A sink that keeps (topic, type, cdr, time_ns)."""
+
+    def __call__(self, *message):
+        self.append(message)
+
+    def on(self, topic):
+        return [message for message in self if message[0] == topic]
