@@ -1,0 +1,54 @@
+"""Types of command line arguments: text to a checked number, or one clear complaint."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from ldcs_ros.errors import LdcsError
+
+
+class CommandLineError(LdcsError, ValueError):
+    """The command line itself cannot be understood."""
+
+
+def seconds(text: str) -> float:
+    """A duration in seconds, above zero and finite."""
+    return _positive(text, what="duration", unit="s")
+
+
+def metres(text: str) -> float:
+    """A length in metres, above zero and finite."""
+    return _positive(text, what="length", unit="m")
+
+
+def instant(text: str) -> float:
+    """A time in seconds, zero or later, finite."""
+    value = _number(text, what="time", unit="s")
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"time is '{text}', expected 0 s or later")
+    return value
+
+
+def seed(text: str) -> int:
+    """A seed for the sensors' noise: a whole number, 0 or above."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"seed is '{text}', expected a whole number, 0 or above")
+    return int(text)
+
+
+def _positive(text: str, *, what: str, unit: str) -> float:
+    value = _number(text, what=what, unit=unit)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{what} is '{text}', expected a number above 0 {unit}")
+    return value
+
+
+def _number(text: str, *, what: str, unit: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{what} is '{text}', expected a number in {unit}") from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{what} is '{text}', expected a finite number in {unit}")
+    return value

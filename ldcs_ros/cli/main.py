@@ -1,0 +1,119 @@
+"""The entry point `ldcs`: the table of verbs, and what every verb has in common (help, errors, status)."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple, NoReturn
+
+from ldcs_ros.cli.arguments import CommandLineError
+from ldcs_ros.errors import LdcsError
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+EXIT_BROKEN_PIPE = 141  # 128 + SIGPIPE
+
+
+class Verb(NamedTuple):
+    """Where a verb lives, and the line that `ldcs --help` prints for it."""
+
+    module: str
+    summary: str
+
+
+VERBS: dict[str, Verb] = {
+    "simulate": Verb("ldcs_ros.cli.simulate", "run a scene as fast as it can, record a bag"),
+    "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
+    "recover": Verb("ldcs_ros.cli.recover", "mend a bag that a killed process left"),
+    "scenes": Verb("ldcs_ros.cli.scenes", "list the shipped scenes"),
+    "effects": Verb("ldcs_ros.cli.effects", "list the physical effects and their parameters"),
+}
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """An argument parser whose complaint is one line that names the help to read."""
+
+    def error(self, message: str) -> NoReturn:
+        raise CommandLineError(f"{message}; see `{self.prog} --help`")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb and return its exit status: 0 done, 1 a check failed, 2 bad input, 130 interrupted.
+
+    Args:
+        argv: Words after `ldcs`; None takes them from the process.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        status = _dispatch(words)
+        sys.stdout.flush()
+        return status
+    except LdcsError as error:
+        return _complain(str(error))
+    except KeyboardInterrupt:
+        print("ldcs: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output left (`ldcs effects | head`); the last flush at exit must not complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_BROKEN_PIPE
+    except OSError as error:
+        where = f": {error.filename}" if error.filename else ""
+        return _complain(f"{error.strerror or error}{where}")
+
+
+def _dispatch(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help"):
+        print(_overview())
+        return 0 if words else EXIT_BAD_INPUT
+    if words[0] == "--version":
+        print(f"ldcs {_version()}")
+        return 0
+    name = words[0]
+    if name not in VERBS:
+        near = difflib.get_close_matches(name, VERBS, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise CommandLineError(f"unknown verb '{name}', expected one of {list(VERBS)}{hint}")
+    module = importlib.import_module(VERBS[name].module)
+    parser = OneLineParser(
+        prog=f"ldcs {name}",
+        description=module.DESCRIPTION,
+        epilog=f"example:\n  {module.EXAMPLE}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    module.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, for machines")
+    status: int = module.run(parser.parse_args(words[1:]))
+    return status
+
+
+def _overview() -> str:
+    width = max(len(name) for name in VERBS)
+    verbs = "\n".join(f"  {name:<{width}}  {verb.summary}" for name, verb in VERBS.items())
+    return (
+        "usage: ldcs <verb> [options]\n\n"
+        "A digital twin of a soft surface that two arms bend. Needs no ROS.\n\n"
+        f"verbs:\n{verbs}\n\n"
+        "`ldcs <verb> --help` explains one verb, with an example. Start with:\n"
+        "  ldcs simulate paper --duration 3 --bag out/first && ldcs plot out/first\n\n"
+        "exit status: 0 done, 1 a check failed, 2 bad input, 130 interrupted"
+    )
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("ldcs_ros")
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _complain(message: str) -> int:
+    print(f"ldcs: error: {' '.join(message.split())}", file=sys.stderr)
+    return EXIT_BAD_INPUT

@@ -1,0 +1,68 @@
+"""What verbs print: JSON for machines, aligned lines for people, a progress bar on a terminal."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+
+def print_json(result: Any) -> None:
+    """Print one JSON object; a number that JSON cannot hold (NaN, infinity) becomes null."""
+    print(json.dumps(_plain(result), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
+    """Print `name  value` lines with the values in one column."""
+    lines = list(pairs)
+    width = max((len(name) for name, _ in lines), default=0)
+    for name, value in lines:
+        print(f"{name:<{width}}  {value}")
+
+
+class Progress:
+    """A progress bar, shown only when stderr is a terminal and `quiet` is False.
+
+    Args:
+        total: Where the bar ends, in `unit`.
+        label: What is going on.
+        unit: Unit of the progress, '' for a share.
+        quiet: Show nothing.
+    """
+
+    def __init__(self, total: float, *, label: str, unit: str = "s", quiet: bool) -> None:
+        self._bar: Any = None
+        if sys.stderr.isatty() and not quiet:
+            from tqdm import tqdm
+
+            count = "{n:.2f}/{total:.2f} " + unit if unit else ""
+            layout = f"{{desc}} {{percentage:3.0f}} % |{{bar}}| {count} [{{elapsed}}<{{remaining}}]"
+            self._bar = tqdm(total=total, desc=label, leave=False, bar_format=layout, file=sys.stderr)
+
+    def show(self, done: float) -> None:
+        """Move the bar to `done` of its total."""
+        if self._bar is not None:
+            self._bar.update(done - self._bar.n)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, without importing numpy here
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    return str(value)

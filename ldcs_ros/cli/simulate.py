@@ -1,0 +1,206 @@
+"""`ldcs simulate`: run a scene as fast as it can, without ROS, and record what the live node would record."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ldcs_ros.cli.arguments import CommandLineError, metres, seconds, seed
+from ldcs_ros.cli.interruption import Interruption
+from ldcs_ros.cli.output import Progress, print_json, print_pairs
+from ldcs_ros.errors import DivergenceError
+
+if TYPE_CHECKING:
+    from ldcs_ros.interface.recorder import Recorder
+    from ldcs_ros.interface.twin import Twin
+
+DESCRIPTION = """\
+Run a scene as fast as it can, without ROS. The bag holds the same topics, byte for byte, as the live node's
+bag of the same run: nodes, poses, joint states, pressures, diagnostics. `ros2 bag` and Foxglove open it."""
+EXAMPLE = """\
+ldcs simulate paper --duration 3 --bag out/paper
+  ldcs simulate paper --settle --bag out/rest --set effects.payload.mass=0.02
+  ldcs simulate my_scene.yaml --duration 10 --accuracy 1e-6 --bag out/mine --json"""
+
+EXIT_NOT_RECORDED = 1
+EXIT_INTERRUPTED = 130
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("scene", metavar="SCENE", help="a shipped scene (see `ldcs scenes`) or a YAML file")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="simulation time to run [s]")
+    parser.add_argument(
+        "--bag", metavar="DIR", type=Path, help="new bag folder; without it nothing is recorded"
+    )
+    parser.add_argument(
+        "--settle",
+        action="store_true",
+        help="start from the rest state; without --duration record that state alone",
+    )
+    parser.add_argument(
+        "--accuracy", metavar="M", type=metres, help="largest node position error accepted [m]"
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=seed, help="seed of the sensors' noise; the scene's if not given"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="PATH=VALUE",
+        dest="overrides",
+        action="append",
+        default=[],
+        help="change a key of the scene: lattice.nodes=[17,17], effects.springs.stiffness=139; repeatable",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the scene, print what came out; status 0, 1 if the recording stopped early, 130 if interrupted."""
+    if arguments.duration is None and not arguments.settle:
+        raise CommandLineError(
+            "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
+        )
+    from ldcs_ros.cli.scene_argument import scene_with
+    from ldcs_ros.interface.recorder import Recorder
+    from ldcs_ros.interface.twin import Twin
+
+    scene = scene_with(arguments.scene, arguments.overrides)
+    twin = Twin(scene, seed=arguments.seed, accuracy=arguments.accuracy)
+    recorder = None
+    if arguments.bag is not None:
+        recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})
+        twin.sinks.append(recorder)
+    try:
+        outcome = _advance(twin, arguments)
+    except BaseException as error:
+        kept = _give_up(twin, recorder)
+        if kept and isinstance(error, DivergenceError):
+            raise DivergenceError(f"{error}; {kept}") from error
+        raise
+    if recorder is not None:
+        recorder.close()
+    _print(_report(twin, arguments, outcome, recorder), as_json=arguments.json)
+    if recorder is not None and recorder.error is not None:
+        print(f"ldcs: error: {recorder.error}", file=sys.stderr)
+        return EXIT_NOT_RECORDED
+    if outcome.interrupted:
+        kept = f"; the bag {arguments.bag} is closed and holds all until then" if recorder is not None else ""
+        print(f"ldcs: interrupted at t = {twin.time:.3f} s{kept}", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    return 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run went.
+
+    Attributes:
+        preparation: Wall time spent before the run on compiling and loading kernels [s].
+        wall_time: Wall time of the run with messages and recording [s].
+        interrupted: Somebody asked it to end early.
+    """
+
+    preparation: float
+    wall_time: float
+    interrupted: bool
+
+
+def _advance(twin: Twin, arguments: argparse.Namespace) -> Outcome:
+    began = time.perf_counter()
+    _warm_up(twin)
+    prepared = time.perf_counter()
+    if arguments.settle:
+        twin.simulation.settle()
+    end = twin.time + (arguments.duration or 0.0)
+    quiet = arguments.json or arguments.duration is None
+    with Interruption() as interruption, Progress(end, label=str(twin.scene.name), quiet=quiet) as progress:
+        while twin.next_time <= end and not interruption.requested:
+            twin.advance_to_next()
+            progress.show(twin.time)
+        if not interruption.requested:
+            twin.advance_to(end)
+    done = time.perf_counter()
+    return Outcome(prepared - began, done - prepared, interruption.requested)
+
+
+def _warm_up(twin: Twin) -> None:
+    # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
+    # takes that out of the run's own time.
+    scene, accuracy = twin.scene, twin.accuracy
+    simulation = scene.build() if accuracy is None else scene.build(accuracy=accuracy)
+    simulation.advance_to(1e-4)
+
+
+def _give_up(twin: Twin, recorder: Recorder | None) -> str:
+    """Close the bag of a run that failed, remove it if no step was made; return what is left, in words."""
+    if recorder is None:
+        return ""
+    recorder.close()
+    if twin.simulation.statistics.steps > 0:
+        return f"the bag {recorder.folder} holds the run up to t = {twin.time:.3f} s"
+    shutil.rmtree(recorder.folder)  # made by this run: the recorder refuses a folder that exists
+    return ""
+
+
+def _report(
+    twin: Twin, arguments: argparse.Namespace, outcome: Outcome, recorder: Recorder | None
+) -> dict[str, Any]:
+    simulation, scene = twin.simulation, twin.scene
+    statistics = simulation.statistics
+    rest = simulation.lattice.rest_position
+    moved = {
+        name: 1e3 * (point.position(simulation.state.position) - point.position(rest))
+        for name, point in simulation.points.items()
+    }
+    ratio = twin.time / outcome.wall_time if arguments.duration is not None else None
+    return {
+        "scene": scene.name,
+        "title": scene.title,
+        "effects": list(simulation.effects),
+        "integrator": simulation.integrator_name,
+        "accuracy": simulation.accuracy,
+        "error_estimate": statistics.error_estimate,
+        "settled": arguments.settle,
+        "time": twin.time,
+        "interrupted": outcome.interrupted,
+        "statistics": statistics.as_dict(),
+        "preparation_time": outcome.preparation,
+        "wall_time": outcome.wall_time,
+        "real_time_factor": ratio,
+        "displacement_mm": moved,
+        "bag": None if recorder is None else str(recorder.folder),
+        "messages": None if recorder is None else recorder.count,
+        "recording_error": None if recorder is None else recorder.error,
+    }
+
+
+def _print(report: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        print_json(report)
+        return
+    counts = report["statistics"]
+    name = f"{report['scene']} - {report['title']}" if report["title"] else str(report["scene"])
+    rest = " from the rest state" if report["settled"] else ""
+    ratio = f", {report['real_time_factor']:.3g} times real time" if report["real_time_factor"] else ""
+    lines = [
+        ("scene", name),
+        ("effects", ", ".join(report["effects"])),
+        ("integrator", f"{report['integrator']}, accuracy asked {report['accuracy']:.1e} m"),
+        ("estimated error", f"{report['error_estimate']:.1e} m"),
+        (
+            "simulated",
+            f"{report['time']:.3f} s{rest} in {counts['steps']} steps ({counts['rejected_steps']} rejected)",
+        ),
+        ("wall time", f"{report['wall_time']:.3f} s{ratio}"),
+        ("first use", f"{report['preparation_time']:.2f} s before that to compile or load kernels"),
+    ]
+    for point, (x, y, z) in report["displacement_mm"].items():
+        lines.append((point, f"x {x:+.2f}   y {y:+.2f}   z {z:+.2f} mm from rest"))
+    if report["bag"] is not None:
+        lines.append(("bag", f"{report['bag']} ({report['messages']} messages)"))
+    print_pairs(lines)

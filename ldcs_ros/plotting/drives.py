@@ -1,0 +1,115 @@
+"""What drives the arms, against time: measured pressures, joint torques and joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ldcs_ros.plotting.style import LABEL_SIZE, LINE_COLOURS, dress, heading, new_figure
+from ldcs_ros.plotting.tracks import Track
+
+KPA = 1e-3
+
+
+def drives_figure(
+    pressures: Mapping[str, Track], joints: tuple[tuple[str, ...], Track, Track] | None, *, title: str
+) -> Figure | None:
+    """Draw pressures, joint torques and joint angles, a panel each; None if nothing drives the sheet.
+
+    Args:
+        pressures: Absolute pressures [Pa], shape (n,), by arm.
+        joints: Joint names, angles [rad] and torques [N m], shape (n, n_joints) each.
+        title: Heading of the figure.
+    """
+    panels: list[tuple[str, dict[str, Track]]] = []
+    if pressures:
+        scaled = {name: Track(track.time, KPA * track.value) for name, track in pressures.items()}
+        panels.append(("pressure [kPa, absolute]", scaled))
+    if joints:
+        names, angle, torque = joints
+        panels.append(("drive torque [N m]", _columns(names, torque, 1.0)))
+        panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
+    if not panels:
+        return None
+    height = 2.3 * len(panels) + 0.8
+    figure = new_figure(6.8, height)
+    grid = figure.add_gridspec(
+        len(panels), 1, left=0.11, right=0.79, bottom=0.5 / height, top=1.0 - 0.5 / height, hspace=0.16
+    )
+    shared: Axes | None = None
+    for number, (label, lines) in enumerate(panels):
+        axes = figure.add_subplot(grid[number], sharex=shared)
+        shared = shared or axes
+        last = number == len(panels) - 1
+        for names, track in _merged(lines):
+            axes.plot(
+                track.time,
+                track.value,
+                label=_label(names, lines),
+                linewidth=1.6,
+                **_line_style(names[0], lines),
+            )
+        dress(axes, x_label="time [s]" if last else "", y_label=label)
+        axes.tick_params(labelbottom=last)
+        axes.margins(x=0.0, y=0.1)
+        axes.legend(
+            loc="center left",
+            bbox_to_anchor=(1.01, 0.5),
+            frameon=False,
+            fontsize=LABEL_SIZE - 1.0,
+            labelspacing=0.35,
+        )
+    heading(figure, title)
+    return figure
+
+
+def _columns(names: tuple[str, ...], track: Track, factor: float) -> dict[str, Track]:
+    return {name: Track(track.time, factor * track.value[:, k]) for k, name in enumerate(names)}
+
+
+def _merged(lines: Mapping[str, Track]) -> list[tuple[list[str], Track]]:
+    """Return the lines with those that would hide each other put together."""
+    span = max((float(np.ptp(track.value)) for track in lines.values() if track.value.size), default=0.0)
+    groups: list[tuple[list[str], Track]] = []
+    for name, track in lines.items():
+        for names, other in groups:
+            if len(other.time) == len(track.time) and np.allclose(
+                other.value, track.value, rtol=0.0, atol=0.002 * span
+            ):
+                names.append(name)
+                break
+        else:
+            groups.append(([name], track))
+    return groups
+
+
+def _label(names: list[str], lines: Mapping[str, Track]) -> str:
+    """Return `left joint 1`, `joints 2-4` (of both arms), `left`, `both`: what a merged line stands for."""
+    arms = list(dict.fromkeys(name.partition("_")[0] for name in names))
+    joints = list(dict.fromkeys(name.partition("_")[2].removeprefix("joint_") for name in names))
+    all_arms = {name.partition("_")[0] for name in lines}
+    if joints == [""]:
+        return "both" if len(arms) > 1 else arms[0]
+    if len(names) < len(arms) * len(joints):
+        return ", ".join(name.replace("_", " ") for name in names)
+    numbered = f"joint{'s' if len(joints) > 1 else ''} {_range(joints)}"
+    return numbered if len(arms) == len(all_arms) else f"{' '.join(arms)} {numbered}"
+
+
+def _range(joints: list[str]) -> str:
+    numbers = [int(joint) for joint in joints if joint.isdecimal()]
+    run = len(numbers) == len(joints) > 1 and numbers == list(range(numbers[0], numbers[-1] + 1))
+    return f"{numbers[0]}-{numbers[-1]}" if run else ", ".join(joints)
+
+
+def _line_style(name: str, lines: Mapping[str, Track]) -> dict[str, str]:
+    # A colour for each joint; the right arm dashed, so that nearly equal arms both show.
+    arm, _, joint = name.partition("_")
+    kinds = list(dict.fromkeys(one.partition("_")[2] for one in lines))
+    return {
+        "color": LINE_COLOURS[kinds.index(joint) % len(LINE_COLOURS)],
+        "linestyle": (0, (3, 2)) if arm == "right" else "solid",
+    }  # type: ignore[dict-item]

@@ -1,0 +1,92 @@
+"""All pictures of a recording at once: which there are, at which times, under which names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.plotting.drives import drives_figure
+from ldcs_ros.plotting.motion import save_motion
+from ldcs_ros.plotting.points import points_figure
+from ldcs_ros.plotting.style import save_png
+from ldcs_ros.plotting.subject import subject_of
+from ldcs_ros.plotting.surface import surface_figure
+from ldcs_ros.plotting.tracks import (
+    SurfaceTrack,
+    joint_tracks,
+    point_tracks,
+    pressure_tracks,
+    surface_track,
+)
+
+_SAMPLES = 60  # clouds looked at to find where the motion is
+
+
+def draw(
+    recording: Any,
+    folder: Path,
+    *,
+    times: Sequence[float] | None = None,
+    animate: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write the pictures of a recording into a folder and return their paths.
+
+    surface.png (the sheet at chosen times), points.png (displacement against time), drives.png (pressures,
+    torques, joint angles) if the arms are recorded, motion.gif or motion.mp4 if asked for.
+
+    Args:
+        recording: A Recording.
+        folder: Where to; made if needed.
+        times: Times of the surfaces [s]; None picks times that tell the motion.
+        animate: 'gif', 'mp4' or None.
+        progress: Called with (pictures drawn, pictures in all) of the moving picture.
+
+    Raises:
+        RecordingError: The recording holds no surface, or a time is outside of it; nothing is written.
+        MovieError: MP4 was asked for and cannot be made.
+    """
+    track = surface_track(recording)
+    indices = _asked(track, times) if times else telling_indices(track)
+    subject = subject_of(recording, track)
+    folder.mkdir(parents=True, exist_ok=True)
+    positions = [track.position(index) for index in indices]
+    stamps = [float(track.time[index]) for index in indices]
+    written = [save_png(surface_figure(positions, stamps, subject), folder / "surface.png")]
+    truth, measured = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
+    if truth or measured:
+        figure = points_figure(truth, measured, subject.point_rest, title=subject.title)
+        written.append(save_png(figure, folder / "points.png"))
+    drives = drives_figure(pressure_tracks(recording), joint_tracks(recording), title=subject.title)
+    if drives is not None:
+        written.append(save_png(drives, folder / "drives.png"))
+    if animate is not None:
+        written.append(save_motion(track, subject, folder / f"motion.{animate}", progress=progress))
+    return written
+
+
+def telling_indices(track: SurfaceTrack, count: int = 4) -> list[int]:
+    """Return the first and the last cloud, and those at which the motion has gone equal parts of its way."""
+    samples = np.unique(np.linspace(0, len(track) - 1, min(len(track), _SAMPLES)).astype(int))
+    start = track.position(0)
+    moved = np.array([np.linalg.norm(track.position(index) - start, axis=-1).max() for index in samples])
+    if moved.max() < 1e-6:
+        return [len(track) - 1]
+    parts = np.arange(1, count - 1) / (count - 1)
+    between = [int(samples[np.argmax(moved >= part * moved.max())]) for part in parts]
+    return sorted({0, *between, len(track) - 1})
+
+
+def _asked(track: SurfaceTrack, times: Sequence[float]) -> list[int]:
+    start, end = float(track.time[0]), float(track.time[-1])
+    slack = 0.5 * (end - start) / max(len(track) - 1, 1) + 1e-9
+    for time in times:
+        if not start - slack <= time <= end + slack:
+            raise RecordingError(
+                f"time {time:g} s is outside of the recorded surface, {start:g} ... {end:g} s; choose others"
+            )
+    return [track.index(time) for time in times]

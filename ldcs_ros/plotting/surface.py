@@ -1,0 +1,229 @@
+"""The deformed sheet in 3D at chosen times: both layers, arms in black, loads marked, equal axes in mm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+from ldcs_ros.plotting.style import (
+    GRID,
+    INK,
+    LABEL_SIZE,
+    LOAD_COLOUR,
+    SOFT_INK,
+    SURFACE_MAP,
+    TICK_SIZE,
+    heading,
+    new_figure,
+)
+from ldcs_ros.plotting.subject import Subject
+
+MM = 1e3
+ELEVATION, AZIMUTH = 28.0, -125.0  # from behind the clamp: the bent side and both arms are seen
+_LIFT = 0.09  # share of a panel by which its box is raised: seen from above, the drawing hangs low in its box
+_ARROW_LENGTH = 26.0  # mm
+_LABEL_LIFT = 6.0  # mm above the place of a load
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all panels of one figure, or all frames of one motion, share.
+
+    Attributes:
+        low, high: Corners of the drawn box [mm], shape (3,).
+        scale: Displacement to colour, in mm.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    scale: Normalize
+
+
+def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> Frame:
+    """Return the box and the colour scale that hold all the positions [m], shape (2, nx, ny, 3) each."""
+    everything = MM * np.stack([*positions, rest])
+    low, high = everything.min(axis=(0, 1, 2, 3)), everything.max(axis=(0, 1, 2, 3))
+    margin = 0.04 * float((high - low).max())
+    low, high = low - margin, high + margin
+    # A flat sheet still needs some height for its loads and a readable z axis.
+    high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
+    largest = max(float(np.linalg.norm(everything[:-1] - everything[-1], axis=-1).max()), 1e-3)
+    return Frame(low, high, Normalize(0.0, largest))
+
+
+def surface_figure(positions: Sequence[np.ndarray], times: Sequence[float], subject: Subject) -> Figure:
+    """Draw the sheet at several times with common axes and colours.
+
+    Args:
+        positions: Node positions [m], shape (2, nx, ny, 3) each.
+        times: Their times [s].
+        subject: What the scene says about the system.
+    """
+    count = len(positions)
+    columns = count if count <= 3 else math.ceil(count / math.ceil(count / 4))
+    rows = math.ceil(count / columns)
+    large = count == 1
+    width, height = (6.3, 4.9) if large else (3.5, 2.9)  # inches of one panel
+    key, head = 0.95, 0.5 if large else 0.4  # inches of the colour key at the right and of the heading
+    figure = new_figure(width * columns + key, height * rows + head)
+    whole_width, whole_height = figure.get_size_inches()
+    frame = common_frame(positions, subject.rest)
+    for number, (position, time) in enumerate(zip(positions, times, strict=True)):
+        row, column = divmod(number, columns)
+        bottom = whole_height - head - (row + 1) * height + _LIFT * height
+        box = (
+            column * width / whole_width,
+            bottom / whole_height,
+            width / whole_width,
+            height / whole_height,
+        )
+        axes: Any = figure.add_axes(box, projection="3d", computed_zorder=False)
+        draw_surface(axes, position, subject, frame, large=large)
+        if not large:
+            stamp = {"fontsize": LABEL_SIZE, "color": INK, "ha": "center", "va": "top"}
+            figure.text(box[0] + 0.5 * box[2], box[1] + 0.93 * box[3], f"t = {time:.2f} s", **stamp)
+    heading(figure, subject.title, f"t = {times[0]:.2f} s" if large else "")
+    tall = min(2.6, 0.6 * height * rows)
+    left, bottom = (whole_width - key + 0.12) / whole_width, 0.5 * (whole_height - head - tall) / whole_height
+    add_colour_bar(figure, figure.add_axes((left, bottom, 0.13 / whole_width, tall / whole_height)), frame)
+    return figure
+
+
+def add_colour_bar(figure: Figure, axes: Any, frame: Frame) -> None:
+    """Draw the key of the colours."""
+    bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
+    bar.set_label("displacement [mm]", fontsize=LABEL_SIZE, color=INK)
+    bar.ax.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK, length=2)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+
+
+def draw_surface(axes: Axes3D, position: np.ndarray, subject: Subject, frame: Frame, *, large: bool) -> None:
+    """Draw one state of the sheet [m], shape (2, nx, ny, 3), into 3D axes."""
+    place = MM * position
+    moved = np.linalg.norm(MM * (position - subject.rest), axis=-1)
+    _draw_shadow(axes, place[0], floor=float(frame.low[2]))
+    _draw_sheet(axes, place, moved, frame.scale)
+    _draw_arms(axes, place, subject.driven, large=large)
+    _draw_loads(axes, place, subject, large=large)
+    _dress(axes, frame, large=large)
+
+
+def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
+    flat = layer.copy()
+    flat[..., 2] = floor
+    axes.add_collection3d(Poly3DCollection(_quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
+
+
+def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Normalize) -> None:
+    bottom, top = place
+    polygons: list[np.ndarray] = []
+    faces: list[Any] = []
+    edges: list[Any] = []
+    for layer, shift, dim in ((top, moved[1], 1.0), (bottom, moved[0], 0.72)):
+        quads = _quads(layer)
+        shade = _shade(quads) * dim
+        paint = SURFACE_MAP(scale(_cell_means(shift)))
+        paint[:, :3] *= shade[:, None]
+        polygons += list(quads)
+        faces += list(paint)
+        edges += [to_rgba("white", 0.55)] * len(quads)
+    for rim in (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1]):
+        walls = _walls(bottom[rim], top[rim])
+        shift = moved.mean(axis=0)[rim]
+        paint = SURFACE_MAP(scale(0.5 * (shift[1:] + shift[:-1])))
+        paint[:, :3] *= 0.6
+        polygons += list(walls)
+        faces += list(paint)
+        edges += [to_rgba("white", 0.4)] * len(walls)
+    # One collection, so that matplotlib sorts layers and walls by depth together.
+    axes.add_collection3d(
+        Poly3DCollection(
+            polygons, facecolors=faces, edgecolors=edges, linewidths=0.5, zorder=2, zsort="average"
+        )
+    )
+
+
+def _quads(layer: np.ndarray) -> np.ndarray:
+    corners = [layer[:-1, :-1], layer[1:, :-1], layer[1:, 1:], layer[:-1, 1:]]
+    return np.stack(corners, axis=2).reshape(-1, 4, 3)
+
+
+def _walls(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    return np.stack([lower[:-1], lower[1:], upper[1:], upper[:-1]], axis=1)
+
+
+def _cell_means(value: np.ndarray) -> np.ndarray:
+    mean: np.ndarray = 0.25 * (value[:-1, :-1] + value[1:, :-1] + value[1:, 1:] + value[:-1, 1:]).ravel()
+    return mean
+
+
+def _shade(quads: np.ndarray) -> np.ndarray:
+    """Return the brightness of each quad under one lamp, 0.72 to 1, shape (n,)."""
+    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    lamp = np.array([-0.45, -0.35, 0.82])
+    shade: np.ndarray = 0.72 + 0.28 * np.clip(np.abs(normal @ lamp), 0.0, 1.0)
+    return shade
+
+
+def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool) -> None:
+    # Lines over everything: the far arm would vanish behind the sheet's rim.
+    lines = [place[:, :, row].mean(axis=0) for row in rows]
+    style = {"capstyle": "round", "joinstyle": "round"}
+    axes.add_collection3d(
+        Line3DCollection(lines, colors="black", linewidths=4.0 if large else 2.4, zorder=3, **style)
+    )
+
+
+def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool) -> None:
+    halo = [withStroke(linewidth=2.5, foreground="white")]
+    for load in subject.loads:
+        spot = load.point.position(place.reshape(-1, 3))
+        dot = {"s": 75 if large else 34, "edgecolors": "white", "linewidths": 0.9, "depthshade": False}
+        axes.scatter(*spot, color=LOAD_COLOUR, zorder=5, **dot)
+        if load.direction is not None:
+            arrow = _ARROW_LENGTH * load.direction
+            axes.quiver(*spot, *arrow, color=LOAD_COLOUR, linewidth=2.0, arrow_length_ratio=0.3, zorder=5)
+        lift = spot + [0.0, 0.0, _LABEL_LIFT]
+        axes.text(
+            *lift,
+            load.label,
+            color=LOAD_COLOUR,
+            fontsize=LABEL_SIZE,
+            ha="center",
+            zorder=6,
+            path_effects=halo,
+        )
+
+
+def _dress(axes: Axes3D, frame: Frame, *, large: bool) -> None:
+    for limits, low, high in zip(
+        (axes.set_xlim, axes.set_ylim, axes.set_zlim), frame.low, frame.high, strict=True
+    ):
+        limits(low, high)
+    axes.set_box_aspect(frame.high - frame.low, zoom=1.08 if large else 0.95)
+    axes.view_init(elev=ELEVATION, azim=AZIMUTH)
+    axes.set_proj_type("persp", focal_length=0.35)
+    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis.line.set_color(SOFT_INK)
+        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
+        axis.set_label_text(f"{name} [mm]", fontsize=LABEL_SIZE if large else LABEL_SIZE - 1.0, color=INK)
+        axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+        axis.labelpad = 2.0 if large else -5.0
+    axes.zaxis.set_rotate_label(False)
+    axes.zaxis.label.set_rotation(90)
+    axes.tick_params(
+        labelsize=TICK_SIZE if large else TICK_SIZE - 1.5, colors=SOFT_INK, pad=0 if large else -3
+    )
