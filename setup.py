@@ -26,8 +26,9 @@ setup(
         (f"{SHARE}/launch", sorted(glob(f"{NAME}/launch/*.py"))),
         (f"{SHARE}/config", sorted(glob(f"{NAME}/config/*.*"))),
     ],
-    # The tested versions stand in requirements/*.lock; rclpy comes from the ROS 2 distribution or from ros.lock.
+    # The tested versions stand in requirements/*.lock; rclpy comes from a distribution or from ros.lock.
     install_requires=[
+        "lz4",
         "matplotlib",
         "mcap",
         "mcap-ros2-support",
@@ -38,6 +39,7 @@ setup(
         "rosbags",
         "scipy",
         "tqdm",
+        "zstandard",
     ],
     extras_require={
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.

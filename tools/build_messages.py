@@ -30,7 +30,8 @@ def missing() -> list[str]:
 def main() -> int:
     lacks = missing()
     if lacks:
-        print(f"setup: ldcs_msgs is not built, missing: {', '.join(lacks)}; the twin runs without it", file=sys.stderr)
+        missing_here = ", ".join(lacks)
+        print(f"setup: ldcs_msgs is not built (the twin runs without it): no {missing_here}", file=sys.stderr)
         return 1
     prefixes = os.pathsep.join(filter(None, [sys.prefix, os.environ.get("AMENT_PREFIX_PATH")]))
     environment = os.environ | {"AMENT_PREFIX_PATH": prefixes}
@@ -54,7 +55,7 @@ def main() -> int:
             status = subprocess.call(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
             if status:
                 sys.stderr.write("".join(log.read_text(errors="replace").splitlines(keepends=True)[-15:]))
-                print(f"setup: building ldcs_msgs failed, see {log}; the twin runs without it", file=sys.stderr)
+                print(f"setup: ldcs_msgs is not built (the twin runs without it): see {log}", file=sys.stderr)
                 return 1
     print("setup: built ldcs_msgs")
     return 0

@@ -1,4 +1,4 @@
-"""Corrects the CMake exports of the ROS wheels in the running venv: they name folders of the machine that built them.
+"""Corrects the CMake exports of the ROS wheels in the running venv: they name folders of their build machine.
 
 Run by `make setup` with the venv's own Python; running it again changes nothing.
 """

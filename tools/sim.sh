@@ -20,10 +20,13 @@ text() { printf "'%s'" "${1//\'/\'\'}"; }
 real_time_factor=$(number RTF "${RTF:-1}")
 duration=$(number DURATION "${DURATION:-0}")
 
-# On this machine only, unless NETWORK=1: shared memory for the data, no socket that another machine reaches.
+# On this machine only, unless NETWORK=1 or the user has settings of their own: see the profile.
 if [ "${NETWORK:-0}" != 1 ]; then
-    export ROS_AUTOMATIC_DISCOVERY_RANGE=${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}
-    export FASTDDS_BUILTIN_TRANSPORTS=${FASTDDS_BUILTIN_TRANSPORTS:-SHM}
+    variable=FASTDDS_DEFAULT_PROFILES_FILE
+    case ${ROS_DISTRO:-} in humble | iron | jazzy) variable=FASTRTPS_DEFAULT_PROFILES_FILE ;; esac  # before Fast DDS 3
+    [ -n "${!variable:-}" ] || export "$variable=$PWD/ldcs_ros/config/fastdds_local.xml"
+    # Other middleware does not read the profile.
+    [ "${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}" = rmw_fastrtps_cpp ] || export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 fi
 
 mkdir -p "$(dirname "$record")"

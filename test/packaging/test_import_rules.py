@@ -1,0 +1,83 @@
+"""Imports between the rooms of the package point one way; the core loads without ROS or bag libraries."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "ldcs_ros"
+
+CORE = {"errors", "physics", "integrators", "simulation", "scene"}
+# Room -> the rooms it may import.
+ALLOWED = {
+    "errors": set(),
+    "physics": {"errors"},
+    "integrators": {"errors", "physics"},
+    "simulation": {"errors", "physics", "integrators"},
+    "scene": CORE - {"scene"},
+    "sensors": {"errors"},
+    "recording": {"errors"},
+    "interface": CORE | {"sensors", "recording"},
+    "plotting": CORE | {"recording", "interface"},
+    "cli": CORE | {"sensors", "recording", "interface", "plotting"},
+    "ros": CORE | {"sensors", "recording", "interface"},
+    "__main__": {"cli"},
+    "__init__": CORE,
+}
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] != "launch")
+
+
+def room(path: Path) -> str:
+    """Return the room that a module is in: the first folder, or the module itself."""
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imported(path: Path) -> set[str]:
+    """Return the absolute names of what a module imports, wherever in the module."""
+    here = ["ldcs_ros", *path.relative_to(PACKAGE).parts[:-1]]
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(here[: len(here) - node.level + 1]) if node.level else ""
+            module = ".".join(filter(None, [base, node.module]))
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def rooms_imported(path: Path) -> set[str]:
+    """Return the rooms that a module imports from; a name of the package itself counts as __init__."""
+    rooms = set()
+    for name in imported(path):
+        parts = name.split(".")
+        if parts[0] == "ldcs_ros":
+            is_room = len(parts) > 1 and (parts[1] in ALLOWED or (PACKAGE / parts[1]).exists())
+            rooms.add(parts[1] if is_room else "__init__")
+    return rooms - {room(path)}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_between_rooms_point_one_way(path: Path) -> None:
+    # The package itself exports the core and the version: the rooms that come after the core may use these.
+    surface = set() if room(path) in CORE else {"__init__"}
+    assert rooms_imported(path) <= ALLOWED[room(path)] | surface
+
+
+def test_only_the_ros_room_imports_ros() -> None:
+    outside = {"rclpy", "launch", "ldcs_msgs", "sensor_msgs", "geometry_msgs", "std_msgs", "std_srvs"}
+    for path in MODULES:
+        if room(path) != "ros":
+            assert not {name.split(".")[0] for name in imported(path)} & outside, path
+
+
+def test_the_core_loads_neither_ros_nor_bag_nor_plot_libraries() -> None:
+    program = "import sys, ldcs_ros; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=50)
+    assert not set(done.stdout.split()) & {"rclpy", "rosbags", "mcap", "mcap_ros2", "matplotlib", "PIL"}
