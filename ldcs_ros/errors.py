@@ -1,0 +1,27 @@
+"""Every error that this package raises on purpose; each message says what, got, expected, where and what to do."""
+
+from __future__ import annotations
+
+
+class LdcsError(Exception):
+    """Base of the errors that a user can act on; the command line prints them as one line."""
+
+
+class SceneError(LdcsError, ValueError):
+    """A scene cannot be loaded or built: nothing was built."""
+
+
+class CommandError(LdcsError, ValueError):
+    """A command (pressure, torque, wrench) was refused whole: nothing changed."""
+
+
+class SolverError(LdcsError, ValueError):
+    """A solver setting cannot work, for example a step above a method's stability limit."""
+
+
+class DivergenceError(LdcsError, RuntimeError):
+    """A step could not be completed; the state before it is whole."""
+
+
+class RecordingError(LdcsError, OSError):
+    """A bag cannot be opened, written or mended."""

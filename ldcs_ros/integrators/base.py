@@ -1,0 +1,128 @@
+"""The contract of an integrator, as a numbered list.
+
+1. An integrator is made for one model: `Method(model, accuracy)`; it keeps nothing of the motion but what makes
+   the next step cheaper (factors), and that is part of `memory`, so a run can go on to the bit.
+2. `step(motion, inputs, h)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion stays whole.
+3. `motion.a` are the accelerations at the motion; `start` makes them, and after a change of inputs `restart` does.
+4. A `Step` carries its error estimate [m], the largest over all nodes, and can be evaluated anywhere inside
+   (`at`), as accurately as at its end, so that sensors and commands do not shorten steps.
+5. `order` is the order of the error in h, `error_order` that of the estimate of one step's error; a test measures
+   the order of every entry of `INTEGRATORS`.
+6. `stability_limit(motion)` is the largest stable step [s], infinite for an L-stable method; a fixed step above it
+   is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.model import Model, Motion
+
+
+class StepFailure(Exception):
+    """A step could not be taken at this size; `remedy` is a factor by which to shorten it."""
+
+    def __init__(self, reason: str, remedy: float = 0.25) -> None:
+        super().__init__(reason)
+        self.remedy = remedy
+
+
+@dataclass
+class Counters:
+    """What a run has cost so far."""
+
+    steps: int = 0
+    rejected_steps: int = 0
+    evaluations: int = 0
+    factorisations: int = 0
+    solves: int = 0
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step and its continuous extension.
+
+    Attributes:
+        left: Motion at its start.
+        right: Motion at its end.
+        error: Estimated local error of the position of the worst node [m].
+    """
+
+    left: Motion
+    right: Motion
+    error: float
+
+    def at(self, time: float, model: Model) -> Motion:
+        """Return the motion inside the step: the quintic through position, velocity and acceleration at both ends.
+
+        Its error is O(h^6) for the positions, below that of every method here.
+        """
+        if time >= self.right.time:
+            return self.right
+        if time <= self.left.time:
+            return self.left
+        h = self.right.time - self.left.time
+        s = (time - self.left.time) / h
+        free = model.free
+        q0, q1 = self.left.q[free], self.right.q[free]
+        u0, u1 = h * self.left.u[free], h * self.right.u[free]
+        a0, a1 = h * h * self.left.a, h * h * self.right.a
+        # q(s) = q0 + u0 s + a0 s^2/2 + c3 s^3 + c4 s^4 + c5 s^5
+        gap = q1 - q0 - u0 - 0.5 * a0
+        gap_rate = u1 - u0 - a0
+        gap_acceleration = a1 - a0
+        c3 = 10.0 * gap - 4.0 * gap_rate + 0.5 * gap_acceleration
+        c4 = -15.0 * gap + 7.0 * gap_rate - gap_acceleration
+        c5 = 6.0 * gap - 3.0 * gap_rate + 0.5 * gap_acceleration
+        q, u = self.left.q.copy(), self.left.u.copy()
+        q[free] = q0 + s * (u0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+        u[free] = (u0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
+        a = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / (h * h)
+        model.prescribe(time, q, u)
+        return Motion(time, q, u, a)
+
+
+@dataclass
+class Integrator:
+    """Base of all methods.
+
+    Attributes:
+        model: What is integrated.
+        accuracy: Largest local error of a node's position that one step may make [m].
+    """
+
+    model: Model
+    accuracy: float
+    counters: Counters = field(default_factory=Counters)
+    name: ClassVar[str] = ""
+    order: ClassVar[int] = 0
+    error_order: ClassVar[int] = 0
+
+    def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Motion:
+        """Return the motion at coordinates q and rates u, with the accelerations that the inputs give."""
+        self.counters.evaluations += 1
+        return Motion(time, q, u, self.model.accelerate(time, q, u, inputs))
+
+    def step(self, motion: Motion, inputs: HeldInputs, h: float) -> Step:
+        """Return the step of length h [s] from a motion.
+
+        Raises:
+            StepFailure: It cannot be taken at this size.
+        """
+        raise NotImplementedError
+
+    def stability_limit(self, motion: Motion, inputs: HeldInputs) -> float:
+        """Return the largest stable step [s] near a motion."""
+        return float("inf")
+
+    @property
+    def memory(self) -> Any:
+        """What the next step depends on beside the motion; hand it to `recall` to go on to the bit."""
+        return None
+
+    def recall(self, memory: Any) -> None:
+        """Take back a `memory`."""

@@ -1,0 +1,197 @@
+"""Kernels of the arms: chain dynamics in absolute link angles, joints, and the coupling of crosspieces to the sheet.
+
+A chain of n equal links of length l in a plane y = const; phi_i is the angle of link i against x, positive
+towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
+
+    p_s = p_0 + sum_{k<=s} l e(phi_k)                                  station s at the end of link s
+    M_ij = m l^2 w_ij cos(phi_i - phi_j) + I d_ij                      w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
+    sum_j M_ij phi_j'' = Q_i - sum_j m l^2 w_ij sin(phi_i - phi_j) phi_j'^2
+
+the Lagrangian equations of a serial chain with uniform links (adapted from Giri and Walker's arm: input torques
+at the joints instead of muscles; paper, section II and Figure 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ldcs_ros.physics.compiled import compiled
+
+
+@compiled
+def fill_inertia(phi, mass, inertia, length, matrix):  # type: ignore[no-untyped-def]
+    """Write the mass matrix of each arm, shape (n_arms, n, n) [kg m^2]."""
+    n_arms, n = phi.shape
+    for arm in range(n_arms):
+        for i in range(n):
+            for j in range(n):
+                weight = n - 1 - max(i, j) + (0.25 if i == j else 0.5)
+                matrix[arm, i, j] = mass * length**2 * weight * np.cos(phi[arm, i] - phi[arm, j])
+            matrix[arm, i, i] += inertia
+
+
+@compiled
+def add_chain_force(phi, rate, mass, length, gravity, stiffness, damping, torque, force):  # type: ignore[no-untyped-def]
+    """Add Coriolis forces, weight, joint springs, joint dampers and drive torques, shape (n_arms, n) [N m].
+
+    stiffness and damping are those of each joint, shape (n,); torque acts between links, shape (n_arms, n).
+    """
+    n_arms, n = phi.shape
+    for arm in range(n_arms):
+        for i in range(n):
+            sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
+            force[arm, i] += mass * length * (n - i - 0.5) * (gravity[2] * cosine - gravity[0] * sine)
+            for j in range(n):
+                if j != i:
+                    weight = n - 1 - max(i, j) + 0.5
+                    difference = phi[arm, i] - phi[arm, j]
+                    force[arm, i] -= mass * length**2 * weight * np.sin(difference) * rate[arm, j] ** 2
+            bend, bend_rate = phi[arm, i], rate[arm, i]
+            if i > 0:
+                bend -= phi[arm, i - 1]
+                bend_rate -= rate[arm, i - 1]
+            moment = torque[arm, i] - stiffness[i] * bend - damping[i] * bend_rate
+            force[arm, i] += moment
+            if i > 0:
+                force[arm, i - 1] -= moment
+
+
+@compiled
+def fill_chain_jacobian(  # type: ignore[no-untyped-def]
+    phi, rate, mass, length, gravity, stiffness, damping, definite, by_angle, by_rate
+):
+    """Add d(chain force)/d(phi) and /d(rate), shape (n_arms, n, n)."""
+    n_arms, n = phi.shape
+    for arm in range(n_arms):
+        for i in range(n):
+            sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
+            if not definite:
+                slope = -mass * length * (n - i - 0.5) * (gravity[2] * sine + gravity[0] * cosine)
+                by_angle[arm, i, i] += slope
+                for j in range(n):
+                    if j != i:
+                        weight = mass * length**2 * (n - 1 - max(i, j) + 0.5)
+                        difference = phi[arm, i] - phi[arm, j]
+                        by_angle[arm, i, i] -= weight * np.cos(difference) * rate[arm, j] ** 2
+                        by_angle[arm, i, j] += weight * np.cos(difference) * rate[arm, j] ** 2
+                        by_rate[arm, i, j] -= 2.0 * weight * np.sin(difference) * rate[arm, j]
+            for matrix, value in ((by_angle, stiffness[i]), (by_rate, damping[i])):
+                matrix[arm, i, i] -= value
+                if i > 0:
+                    matrix[arm, i - 1, i - 1] -= value
+                    matrix[arm, i, i - 1] += value
+                    matrix[arm, i - 1, i] += value
+
+
+@compiled
+def crosspiece_end(phi, rate, length, station, turn, offset, place, speed, slope):  # type: ignore[no-untyped-def]
+    """Write place (x, z) [m], speed (x, z) [m/s] of a crosspiece's end and slope = d(place)/d(phi), shape (n, 2).
+
+    turn holds the share of each link angle in the crosspiece's own angle, shape (n,); offset is the end's
+    signed distance from the backbone [m]. The arm's base is at the origin. Returns the crosspiece's angle [rad].
+    """
+    n = phi.size
+    angle = 0.0
+    for k in range(n):
+        angle += turn[k] * phi[k]
+    place[0], place[1] = -offset * np.sin(angle), offset * np.cos(angle)
+    speed[0], speed[1] = 0.0, 0.0
+    for k in range(n):
+        slope[k, 0] = -offset * turn[k] * np.cos(angle)
+        slope[k, 1] = -offset * turn[k] * np.sin(angle)
+        if k < station:
+            place[0] += length * np.cos(phi[k])
+            place[1] += length * np.sin(phi[k])
+            slope[k, 0] -= length * np.sin(phi[k])
+            slope[k, 1] += length * np.cos(phi[k])
+        speed[0] += slope[k, 0] * rate[k]
+        speed[1] += slope[k, 1] * rate[k]
+    return angle
+
+
+@compiled
+def add_coupling_force(  # type: ignore[no-untyped-def]
+    q, u, phi, rate, length, arm, station, offset, row_y, nodes, weight, turn, stiffness, damping, force, torque
+):
+    """Add the coupling springs' force on the sheet's nodes (flat `force`) and on the links (`torque`).
+
+    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c, m]].
+    """
+    n = phi.shape[1]
+    place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
+    for c in range(arm.size):
+        side = arm[c]
+        crosspiece_end(phi[side], rate[side], length, station[c], turn[station[c]], offset[c], place, speed, slope)
+        fx, fy, fz = -stiffness * place[0] - damping * speed[0], -stiffness * row_y[c], -stiffness * place[1] - damping * speed[1]
+        for m in range(2):
+            i = 3 * nodes[c, m]
+            fx += weight[c, m] * (stiffness * q[i] + damping * u[i])
+            fy += weight[c, m] * (stiffness * q[i + 1] + damping * u[i + 1])
+            fz += weight[c, m] * (stiffness * q[i + 2] + damping * u[i + 2])
+        for m in range(2):
+            i = 3 * nodes[c, m]
+            force[i] -= weight[c, m] * fx
+            force[i + 1] -= weight[c, m] * fy
+            force[i + 2] -= weight[c, m] * fz
+        for k in range(n):
+            torque[side, k] += slope[k, 0] * fx + slope[k, 1] * fz
+
+
+@compiled
+def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
+    q, u, phi, rate, length, arm, station, offset, row_y, nodes, weight, turn, stiffness, damping, definite,
+    node_node, node_angle, angle_node, angle_angle, node_node_rate, node_angle_rate, angle_node_rate, angle_angle_rate,
+):
+    """Write the couplings' Jacobian blocks by position (first four) and by rate (last four).
+
+    Shapes: node_node (n_couplings, 2, 2, 3), node_angle and angle_node (n_couplings, 2, 2, n) with the third
+    axis x, z, and angle_angle (n_couplings, n, n).
+    """
+    n = phi.shape[1]
+    place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
+    turning = np.zeros((n, 2))  # d(speed)/d(phi)
+    for c in range(arm.size):
+        side, s = arm[c], station[c]
+        share = turn[s]
+        angle = crosspiece_end(phi[side], rate[side], length, s, share, offset[c], place, speed, slope)
+        f = np.empty(2)
+        for axis in range(2):
+            f[axis] = -stiffness * place[axis] - damping * speed[axis]
+            for m in range(2):
+                i = 3 * nodes[c, m] + 2 * axis
+                f[axis] += weight[c, m] * (stiffness * q[i] + damping * u[i])
+        angle_speed = 0.0
+        for k in range(n):
+            angle_speed += share[k] * rate[side, k]
+        curl_x, curl_z = offset[c] * np.sin(angle), -offset[c] * np.cos(angle)
+        for k in range(n):
+            turning[k, 0] = share[k] * angle_speed * curl_x
+            turning[k, 1] = share[k] * angle_speed * curl_z
+            if k < s:
+                turning[k, 0] -= length * np.cos(phi[side, k]) * rate[side, k]
+                turning[k, 1] -= length * np.sin(phi[side, k]) * rate[side, k]
+            if definite:
+                turning[k, 0] = turning[k, 1] = 0.0
+        for m in range(2):
+            for p in range(2):
+                for axis in range(3):
+                    node_node[c, m, p, axis] = -weight[c, m] * weight[c, p] * stiffness
+                    node_node_rate[c, m, p, axis] = -weight[c, m] * weight[c, p] * damping
+            for axis in range(2):
+                for k in range(n):
+                    node_angle[c, m, axis, k] = weight[c, m] * (stiffness * slope[k, axis] + damping * turning[k, axis])
+                    node_angle_rate[c, m, axis, k] = weight[c, m] * damping * slope[k, axis]
+                    angle_node[c, m, axis, k] = weight[c, m] * stiffness * slope[k, axis]
+                    angle_node_rate[c, m, axis, k] = weight[c, m] * damping * slope[k, axis]
+        for k in range(n):
+            for j in range(n):
+                stiff = damp = 0.0
+                for axis in range(2):
+                    stiff -= slope[k, axis] * (stiffness * slope[j, axis] + damping * turning[j, axis])
+                    damp -= damping * slope[k, axis] * slope[j, axis]
+                if not definite:
+                    stiff += share[k] * share[j] * (curl_x * f[0] + curl_z * f[1])
+                    if k == j and k < s:
+                        stiff -= length * (np.cos(phi[side, k]) * f[0] + np.sin(phi[side, k]) * f[1])
+                angle_angle[c, k, j] = stiff
+                angle_angle_rate[c, k, j] = damp

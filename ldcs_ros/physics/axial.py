@@ -1,0 +1,130 @@
+"""Kernels of the axial spring law; loops where numba compiles them, whole-array NumPy where it is absent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
+
+# Below this share of its rest length a spring has lost its direction; its rest axis takes over, so that
+# coincident nodes are pushed apart and nothing is divided by zero.
+LOST_LENGTH = 1e-9
+
+
+@compiled
+def _add_force_loop(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: ignore[no-untyped-def]
+    for s in range(a.size):
+        i, j = 3 * a[s], 3 * b[s]
+        dx, dy, dz = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
+        length = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if length > LOST_LENGTH * rest_length[s]:
+            inverse = 1.0 / length
+            nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
+        else:
+            nx, ny, nz = rest_axis[s, 0], rest_axis[s, 1], rest_axis[s, 2]
+        stretch_rate = nx * (u[j] - u[i]) + ny * (u[j + 1] - u[i + 1]) + nz * (u[j + 2] - u[i + 2])
+        tension = k[s] * (length - rest_length[s]) + c[s] * stretch_rate
+        fx, fy, fz = tension * nx, tension * ny, tension * nz
+        force[i] += fx
+        force[i + 1] += fy
+        force[i + 2] += fz
+        force[j] -= fx
+        force[j + 1] -= fy
+        force[j + 2] -= fz
+
+
+@compiled
+def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
+    q, u, a, b, rest_length, rest_axis, k, c, definite, n_nodes, by_position, by_rate
+):
+    n_springs = a.size
+    n, rate, across = np.empty(3), np.empty(3), np.empty(3)
+    for s in range(n_springs):
+        i, j = a[s], b[s]
+        square = 0.0
+        for r in range(3):
+            n[r] = q[3 * j + r] - q[3 * i + r]
+            rate[r] = u[3 * j + r] - u[3 * i + r]
+            square += n[r] * n[r]
+        length = math.sqrt(square)
+        lost = length <= LOST_LENGTH * rest_length[s]
+        stretch_rate = 0.0
+        for r in range(3):
+            n[r] = rest_axis[s, r] if lost else n[r] / length
+            stretch_rate += n[r] * rate[r]
+        tension = k[s] * (length - rest_length[s]) + c[s] * stretch_rate
+        turning = 0.0 if lost else tension / length
+        turning_damper = 0.0 if lost else c[s] / length
+        if definite:
+            turning = max(turning, 0.0)
+            turning_damper = 0.0
+        for r in range(3):
+            across[r] = rate[r] - stretch_rate * n[r]
+        for r in range(3):
+            for t in range(3):
+                square_n = n[r] * n[t]
+                stiff = k[s] * square_n - turning * square_n + turning_damper * n[r] * across[t]
+                if r == t:
+                    stiff += turning
+                damp = c[s] * square_n
+                by_position[i, r, t] -= stiff
+                by_position[j, r, t] -= stiff
+                by_position[n_nodes + s, r, t] = stiff
+                by_position[n_nodes + n_springs + s, r, t] = stiff
+                by_rate[i, r, t] -= damp
+                by_rate[j, r, t] -= damp
+                by_rate[n_nodes + s, r, t] = damp
+                by_rate[n_nodes + n_springs + s, r, t] = damp
+
+
+def _axes(q, a, b, rest_length, rest_axis):  # type: ignore[no-untyped-def]
+    x = q[: 3 * (b.max() + 1)].reshape(-1, 3)
+    d = x[b] - x[a]
+    length = np.sqrt(np.einsum("ij,ij->i", d, d))
+    lost = length <= LOST_LENGTH * rest_length
+    n = np.where(lost[:, None], rest_axis, d / np.where(lost, 1.0, length)[:, None])
+    return n, length, lost
+
+
+def _add_force_whole(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: ignore[no-untyped-def]
+    n, length, _ = _axes(q, a, b, rest_length, rest_axis)
+    v = u[: 3 * (b.max() + 1)].reshape(-1, 3)
+    tension = k * (length - rest_length) + c * np.einsum("ij,ij->i", n, v[b] - v[a])
+    pull = tension[:, None] * n
+    whole = force[: 3 * (b.max() + 1)].reshape(-1, 3)  # the last node is the far end of a spring
+    for axis in range(3):
+        whole[:, axis] += np.bincount(a, pull[:, axis], len(whole)) - np.bincount(b, pull[:, axis], len(whole))
+
+
+def _fill_jacobian_whole(  # type: ignore[no-untyped-def]
+    q, u, a, b, rest_length, rest_axis, k, c, definite, n_nodes, by_position, by_rate
+):
+    n, length, lost = _axes(q, a, b, rest_length, rest_axis)
+    v = u[: 3 * n_nodes].reshape(-1, 3)
+    rate = v[b] - v[a]
+    stretch_rate = np.einsum("ij,ij->i", n, rate)
+    safe = np.where(lost, 1.0, length)
+    turning = np.where(lost, 0.0, (k * (length - rest_length) + c * stretch_rate) / safe)
+    turning_damper = np.where(lost, 0.0, c / safe)
+    if definite:
+        turning, turning_damper = np.maximum(turning, 0.0), np.zeros_like(turning)
+    along = n[:, :, None] * n[:, None, :]
+    across = rate - stretch_rate[:, None] * n
+    stiff = (
+        (k - turning)[:, None, None] * along
+        + turning[:, None, None] * np.eye(3)
+        + turning_damper[:, None, None] * n[:, :, None] * across[:, None, :]
+    )
+    for values, block in ((by_position, stiff), (by_rate, c[:, None, None] * along)):
+        values[n_nodes : n_nodes + len(a)] = block
+        values[n_nodes + len(a) :] = block
+        for r in range(3):
+            for t in range(3):
+                both = np.bincount(a, block[:, r, t], n_nodes) + np.bincount(b, block[:, r, t], n_nodes)
+                values[:n_nodes, r, t] = -both
+
+
+add_force = _add_force_loop if HAVE_NUMBA else _add_force_whole
+fill_jacobian = _fill_jacobian_loop if HAVE_NUMBA else _fill_jacobian_whole

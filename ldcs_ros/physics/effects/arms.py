@@ -1,0 +1,263 @@
+"""Two continuum arms of torque-driven links that lift the sheet's side edges, and are bent by its weight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics import arm
+from ldcs_ros.physics.curves import smoothstep
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.quantity import choice, quantity
+
+ARM_NAMES = ("left", "right")
+DRIVES = ("torque", "pressure", "curvature")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arms(Effect):
+    """Two arms along the edges y_max (left) and y_min (right), moving in the XZ plane (paper, section II, Figure 3).
+
+    Each is a chain of equal links with torsional springs and dampers at its joints. At the base and at the end
+    of each link a massless crosspiece as long as the sheet is thick is joined to the sheet's bottom and top nodes
+    by coupling springs; where a station falls between two columns of nodes it holds the point between them.
+    Every number without a source is not printed in the paper: identify it, do not trust it.
+
+    Attributes:
+        drive: What drives the joints: torque, pressure (through a valve) or prescribed curvature.
+        links: Links of each arm.
+        link_mass: Mass of each link [kg].
+        link_inertia: Moment of inertia of each link about its centre [kg m^2].
+        joint_stiffness: Torsional stiffness of a joint that stands for a whole link length [N m/rad].
+        joint_damping: Damping of such a joint [N m s/rad].
+        base_joint_share: Part of a link length that the base joint stands for: its stiffness and damping are
+            divided by it; 0.5 puts the stations of a uniformly bent arm on its arc.
+        crosspiece: Direction of the crosspieces: perpendicular to the link that ends there, or to the bisector of
+            the links that meet there.
+        coupling_stiffness: Stiffness of each coupling spring [N/m].
+        coupling_damping: Coefficient of each coupling damper [N s/m].
+        width: Cells that an arm covers across the sheet: rows 0 ... width from its edge are coupled.
+        torque_limit: Largest magnitude of a commanded joint torque [N m].
+        pressure_gain: Joint torque for a gauge pressure [N m/Pa].
+        pressure_limit: Largest commanded gauge pressure [Pa]; the smallest is 0.
+        fill_time: Time constant of rising pressure [s].
+        vent_time: Time constant of falling pressure [s].
+        dead_time: Delay between a pressure command and the valve's answer [s].
+        curvature: Final curvature of the drive 'curvature' [1/m].
+        rise_time: Duration of its smooth rise [s].
+    """
+
+    name: ClassVar[str] = "arms"
+    drive: str = choice("torque", DRIVES, "what drives the joints", origin="paper, section II: torques")
+    links: int = quantity(4, "", "links of each arm", low=1, high=64, origin="paper, section II")
+    link_mass: float = quantity(0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; scene example")
+    link_inertia: float = quantity(
+        5e-7, "kg m^2", "inertia of each link about its centre", low=0.0, high=1e3,
+        origin="not printed; uniform rod of 5 g and 35 mm, m l^2 / 12",
+    )
+    joint_stiffness: float = quantity(
+        0.34, "N m/rad", "torsional stiffness a link length", low=0.0, high=1e6, origin="not printed; prototype fit"
+    )
+    joint_damping: float = quantity(
+        0.02, "N m s/rad", "torsional damping a link length", low=0.0, high=1e6,
+        origin="not printed; the surface's own c/k = 1/16 s",
+    )
+    base_joint_share: float = quantity(
+        0.5, "", "part of a link length that the base joint stands for", low=1e-3, high=1e3,
+        origin="geometry: joint angles (1/2, 1, 1, 1) theta lie on the arc",
+    )
+    crosspiece: str = choice(
+        "link", ("link", "bisector"), "what crosspieces are perpendicular to", origin="paper, section II: each main link"
+    )
+    coupling_stiffness: float = quantity(
+        8000.0, "N/m", "stiffness of each coupling spring", low=0.0, high=1e10,
+        origin="not printed; 'stiffer than the surface's', here 100 times",
+    )
+    coupling_damping: float = quantity(
+        500.0, "N s/m", "coefficient of each coupling damper", low=0.0, high=1e10,
+        origin="not printed; the surface's own c/k = 1/16 s",
+    )
+    width: int = quantity(0, "", "cells an arm covers across the sheet", low=0, high=64, origin="paper: border lines only")
+    torque_limit: float = quantity(2.0, "N m", "largest commanded joint torque", low=0.0, high=1e6)
+    pressure_gain: float = quantity(
+        1.0e-6, "N m/Pa", "joint torque for a gauge pressure", low=0.0, high=1.0,
+        origin="not printed; 0.14 N m at 1.4 bar, prototype fit",
+    )
+    pressure_limit: float = quantity(
+        200e3, "Pa", "largest commanded gauge pressure", low=0.0, high=1e7, origin="paper uses 140 kPa; margin of 1.4"
+    )
+    fill_time: float = quantity(0.15, "s", "time constant of rising pressure", low=0.0, high=1e3)
+    vent_time: float = quantity(0.10, "s", "time constant of falling pressure", low=0.0, high=1e3)
+    dead_time: float = quantity(0.0, "s", "delay of the valve's answer", low=0.0, high=10.0)
+    curvature: float = quantity(
+        8.695652173913043, "1/m", "final curvature of drive 'curvature'", low=-1e3, high=1e3, origin="paper: r = 0.115 m"
+    )
+    rise_time: float = quantity(1.0, "s", "duration of its smooth rise", low=1e-6, high=1e6)
+
+    def bind(self, assembly: Assembly) -> Term:
+        """Return the arms' term.
+
+        Raises:
+            ValueError: The arms are wider than the sheet.
+        """
+        rows = assembly.lattice.nodes[1]
+        if self.width >= rows:
+            raise ValueError(f"width: got {self.width}, expected 0 ... {rows - 1}, the sheet has {rows} rows")
+        return ArmsTerm(assembly, self)
+
+
+class ArmsTerm(Term):
+    """The two chains and their couplings; coordinates are the absolute link angles, left arm first."""
+
+    name = Arms.name
+
+    def __init__(self, assembly: Assembly, arms: Arms) -> None:
+        lattice = assembly.lattice
+        self.arms = arms
+        self.n_links = arms.links
+        self.first = 3 * lattice.n_nodes
+        self.link_length = lattice.size[0] / arms.links
+        self.gravity = assembly.gravity
+        share = np.ones(arms.links)
+        share[0] = arms.base_joint_share
+        self.stiffness, self.damping = arms.joint_stiffness / share, arms.joint_damping / share
+        self.prescribed = arms.drive == "curvature"
+        self.breakpoints = (0.0, arms.rise_time) if self.prescribed else ()
+        self._couple(assembly)
+        self._still = np.zeros((2, arms.links))
+
+    def _couple(self, assembly: Assembly) -> None:
+        # One coupling for each arm, station, row under the arm, and layer.
+        lattice, links = assembly.lattice, self.n_links
+        nx, ny = lattice.nodes
+        arm_of, station, offset, row_y, nodes, weight = [], [], [], [], [], []
+        for side, rows in enumerate((range(ny - 1, ny - 2 - self.arms.width, -1), range(self.arms.width + 1))):
+            for s in range(links + 1):
+                column, remainder = divmod(s * (nx - 1), links)
+                share = remainder / links
+                for j in rows:
+                    for level, sign in ((0, -0.5), (1, 0.5)):
+                        near, far = lattice.node(level, column, j), lattice.node(level, min(column + 1, nx - 1), j)
+                        arm_of.append(side)
+                        station.append(s)
+                        offset.append(sign * lattice.size[2])
+                        row_y.append(lattice.rest_position[near, 1])
+                        nodes.append((near, far))
+                        weight.append((1.0 - share, share))
+        turn = np.zeros((links + 1, links))
+        for s in range(1, links + 1):
+            turn[s, s - 1] = 1.0
+            if self.arms.crosspiece == "bisector" and links > 1:
+                before, after = (s - 1, s) if s < links else (s - 2, s - 1)
+                turn[s] = 0.0
+                turn[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
+        self.couplings = (
+            np.array(arm_of), np.array(station), np.array(offset), np.array(row_y),
+            np.array(nodes), np.array(weight), turn, self.arms.coupling_stiffness, self.arms.coupling_damping,
+        )
+
+    def angles(self, flat: np.ndarray) -> np.ndarray:
+        """Return the arms' part of a flat vector, shape (2, n_links), as a view."""
+        return flat[self.first :].reshape(2, self.n_links)
+
+    def fixed(self) -> np.ndarray:
+        return self.first + np.arange(2 * self.n_links) if self.prescribed else super().fixed()
+
+    def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
+        if self.prescribed:
+            share, share_rate = smoothstep(time / self.arms.rise_time)
+            bend = self.arms.curvature * self.link_length * (np.arange(self.n_links) + 0.5)
+            self.angles(q)[:] = share * bend
+            self.angles(u)[:] = share_rate / self.arms.rise_time * bend
+
+    def drive_torque(self, time: float, inputs: HeldInputs) -> np.ndarray:
+        """Return the drive torque of each joint [N m], shape (2, n_links)."""
+        if self.arms.drive == "torque" and inputs.torque is not None:
+            return inputs.torque
+        if self.arms.drive == "pressure" and inputs.valves:
+            pressure = np.array([[valve.at(time)] for valve in inputs.valves])
+            return np.repeat(self.arms.pressure_gain * pressure, self.n_links, axis=1)
+        return self._still
+
+    def inertia(self, q: np.ndarray) -> np.ndarray:
+        """Return the mass matrix of each arm's link angles [kg m^2], shape (2, n_links, n_links)."""
+        matrix = np.empty((2, self.n_links, self.n_links))
+        arm.fill_inertia(self.angles(q), self.arms.link_mass, self.arms.link_inertia, self.link_length, matrix)
+        return matrix
+
+    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+        phi, rate, torque = self.angles(q), self.angles(u), self.angles(force)
+        arm.add_chain_force(
+            phi, rate, self.arms.link_mass, self.link_length, self.gravity, self.stiffness, self.damping,
+            self.drive_torque(time, inputs), torque,
+        )
+        arm.add_coupling_force(q, u, phi, rate, self.link_length, *self.couplings, force, torque)
+
+    def energy(self, time: float, q: np.ndarray) -> float:
+        phi = self.angles(q)
+        n, length = self.n_links, self.link_length
+        bend = np.diff(phi, axis=1, prepend=0.0)
+        total = 0.5 * float(np.sum(self.stiffness * bend**2))
+        reach = self.arms.link_mass * length * (n - np.arange(n) - 0.5)
+        total -= float(np.sum(reach * (self.gravity[0] * np.cos(phi) + self.gravity[2] * np.sin(phi))))
+        arm_of, station, offset, row_y, nodes, weight, turn, stiffness, _ = self.couplings
+        x = q[: self.first].reshape(-1, 3)
+        place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
+        for c in range(len(arm_of)):
+            arm.crosspiece_end(
+                phi[arm_of[c]], np.zeros(n), length, station[c], turn[station[c]], offset[c], place, speed, slope
+            )
+            gap = weight[c] @ x[nodes[c]] - np.array([place[0], row_y[c], place[1]])
+            total += 0.5 * stiffness * float(gap @ gap)
+        return total
+
+    def station_positions(self, q: np.ndarray) -> np.ndarray:
+        """Return where the base and the end of each link are [m], shape (2, n_links + 1, 2), in x and z."""
+        phi = self.angles(q)
+        steps = self.link_length * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+        return np.concatenate([np.zeros((2, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
+
+    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+        n = self.n_links
+        arm_of, _, _, _, nodes, *_ = self.couplings
+        angle = self.first + np.arange(2 * n).reshape(2, n)
+        chain = np.broadcast_arrays(angle[:, :, None], angle[:, None, :])
+        node = 3 * nodes  # (n_couplings, 2)
+        both = np.broadcast_arrays(
+            node[:, :, None, None] + np.arange(3), node[:, None, :, None] + np.arange(3)
+        )
+        mixed = np.broadcast_arrays(node[:, :, None, None] + np.array([0, 2])[:, None], angle[arm_of][:, None, None, :])
+        coupled = np.broadcast_arrays(angle[arm_of][:, :, None], angle[arm_of][:, None, :])
+        pairs = [chain, both, mixed, mixed[::-1], coupled]
+        rows = np.concatenate([np.ravel(pair[0]) for pair in pairs])
+        columns = np.concatenate([np.ravel(pair[1]) for pair in pairs])
+        return rows, columns
+
+    def jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        n, count = self.n_links, len(self.couplings[0])
+        phi, rate = self.angles(q), self.angles(u)
+        chain, chain_rate = np.zeros((2, n, n)), np.zeros((2, n, n))
+        arm.fill_chain_jacobian(
+            phi, rate, self.arms.link_mass, self.link_length, self.gravity, self.stiffness, self.damping, definite,
+            chain, chain_rate,
+        )
+        shapes = [(count, 2, 2, 3), (count, 2, 2, n), (count, 2, 2, n), (count, n, n)]
+        blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
+        arm.fill_coupling_jacobian(
+            q, u, phi, rate, self.link_length, *self.couplings, definite, *blocks, *rates
+        )
+        by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
+        by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])
+        return by_position, by_rate
+
+
+def joint_names(links: int) -> tuple[str, ...]:
+    """Return the joints' names, left arm first, base to tip."""
+    return tuple(f"{side}_joint_{k + 1}" for side in ARM_NAMES for k in range(links))
+
+

@@ -1,0 +1,102 @@
+"""The contract of an effect, as a numbered list.
+
+1. An effect is a frozen dataclass of SI parameters, declared with `quantity`, `choice`, `place` or `words`:
+   schema, bounds, documentation and physics in one file.
+2. `bind(assembly)` returns its term: the same physics with the lattice's indices worked out once.
+3. A term adds to a flat force vector and never overwrites it: terms are summed, never switched.
+4. If the force has a potential, `energy` returns it and the force is minus its gradient.
+5. `entries()` names the places (row, column) that its Jacobian can fill; `jacobian` returns the exact values
+   of d(force)/dq and d(force)/du there. With `definite` it may drop what makes -d(force)/dq indefinite.
+6. `fixed()` names coordinates that the effect prescribes; `prescribe` writes them and their rates.
+7. `added_mass` is what it adds to the nodes' masses [kg].
+8. `breakpoints` are the times at which its own dependence on time is not smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.points import Point, point_at
+
+NO_ENTRIES = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+NO_VALUES = np.zeros(0)
+NO_COORDINATES = np.zeros(0, dtype=np.int64)
+
+
+@dataclass
+class Assembly:
+    """What effects are bound to: the lattice, its points, and what other effects bring along.
+
+    Attributes:
+        lattice: The lattice.
+        points: Named points of the scene.
+        node_mass: Mass of each node with what effects added [kg], shape (n_nodes,).
+        gravity: Acceleration of gravity in ldcs_base [m/s^2], zero if the scene names none.
+        n_angles: Number of arm coordinates after the nodes' coordinates.
+    """
+
+    lattice: Lattice
+    points: dict[str, Point]
+    node_mass: np.ndarray
+    gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    n_angles: int = 0
+
+    def point(self, place: object) -> Point:
+        """Return the point for a name or [layer, i, j]; ValueError if there is none."""
+        return point_at(self.lattice, place, self.points)
+
+
+def coordinates(nodes: np.ndarray) -> np.ndarray:
+    """Return the places of the nodes' coordinates in the flat vector, shape (n, 3)."""
+    return 3 * np.asarray(nodes)[:, None] + np.arange(3)
+
+
+class Effect:
+    """Base of all effects; see the contract at the top of this file."""
+
+    name: ClassVar[str]
+
+    def bind(self, assembly: Assembly) -> Term:
+        """Return this effect's term for an assembly."""
+        raise NotImplementedError
+
+
+class Term:
+    """An effect bound to an assembly; the defaults are an effect that does nothing."""
+
+    name: str = ""
+    breakpoints: tuple[float, ...] = ()
+    has_energy: bool = True
+
+    def added_mass(self) -> np.ndarray | float:
+        """Return what the effect adds to the nodes' masses [kg], shape (n_nodes,) or 0."""
+        return 0.0
+
+    def fixed(self) -> np.ndarray:
+        """Return the coordinates that the effect prescribes, shape (n,)."""
+        return NO_COORDINATES
+
+    def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
+        """Write the prescribed coordinates and rates at a time into q and u."""
+
+    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+        """Add the effect's force [N, N m] to the flat vector `force`."""
+
+    def energy(self, time: float, q: np.ndarray) -> float:
+        """Return the potential energy [J]; its gradient is minus the part of the force that depends on q alone."""
+        return 0.0
+
+    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return rows and columns that the Jacobian can fill, shape (n,) each; a place may occur twice."""
+        return NO_ENTRIES
+
+    def jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values of d(force)/dq and d(force)/du at `entries()`, shape (n,) each."""
+        return NO_VALUES, NO_VALUES

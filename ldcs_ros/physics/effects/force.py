@@ -1,0 +1,48 @@
+"""A constant point force with axes of ldcs_base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.quantity import REQUIRED, place, quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force(Effect):
+    """A constant force on a point, shared equally by the nodes that the point averages.
+
+    Attributes:
+        at: Where it acts: a point of the scene, or [layer, i, j].
+        value: Force in ldcs_base [N].
+    """
+
+    name: ClassVar[str] = "force"
+    at: Any = place(REQUIRED, "where it acts")
+    value: tuple[float, float, float] = quantity(
+        REQUIRED, "N", "force in ldcs_base", low=-1e6, high=1e6, length=3, origin="scene"
+    )
+
+    def bind(self, assembly: Assembly) -> Term:
+        """Return the term of the force."""
+        nodes = assembly.point(self.at).nodes
+        return ForceTerm(coordinates(nodes).ravel(), np.tile(np.array(self.value) / len(nodes), len(nodes)))
+
+
+class ForceTerm(Term):
+    """f = constant, V = -f . x."""
+
+    name = Force.name
+
+    def __init__(self, where: np.ndarray, value: np.ndarray) -> None:
+        self.where, self.value = where, value
+
+    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+        force[self.where] += self.value
+
+    def energy(self, time: float, q: np.ndarray) -> float:
+        return float(-self.value @ q[self.where])

@@ -1,0 +1,43 @@
+"""A mass fixed to a point of the sheet: it has inertia, and weight where the scene has gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term
+from ldcs_ros.physics.quantity import REQUIRED, place, quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload(Effect):
+    """A point mass, shared equally by the nodes that its point averages; gravity acts on it as on the nodes.
+
+    Attributes:
+        at: Where it is fixed: a point of the scene, or [layer, i, j].
+        mass: Its mass [kg].
+    """
+
+    name: ClassVar[str] = "payload"
+    at: Any = place(REQUIRED, "where it is fixed")
+    mass: float = quantity(REQUIRED, "kg", "mass", low=0.0, high=1e3, origin="paper: 0.040 kg")
+
+    def bind(self, assembly: Assembly) -> Term:
+        """Return the term that adds the mass."""
+        return PayloadTerm(assembly, self)
+
+
+class PayloadTerm(Term):
+    """m_i += mass / n at the n nodes of the point."""
+
+    name = Payload.name
+
+    def __init__(self, assembly: Assembly, payload: Payload) -> None:
+        nodes = assembly.point(payload.at).nodes
+        self.mass = np.zeros(assembly.lattice.n_nodes)
+        self.mass[nodes] = payload.mass / len(nodes)
+
+    def added_mass(self) -> np.ndarray:
+        return self.mass

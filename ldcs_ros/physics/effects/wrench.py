@@ -1,0 +1,76 @@
+"""Forces and torques that are commanded while the simulation runs, at frames that move with the sheet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
+from ldcs_ros.physics.inputs import HeldInputs, Wrench
+from ldcs_ros.physics.points import Point, point_at
+from ldcs_ros.physics.quantity import quantity
+
+ALIGNED = "_aligned"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrenchInput(Effect):
+    """Accepts wrenches from the topic `external_wrench`, from schedules and from Python.
+
+    A frame is a point's name (`P0`, `node_top_8_4`): origin and axes move and turn with the sheet; or the same with
+    `_aligned`: that origin, axes of ldcs_base. The force is shared by the point's nodes; the torque becomes the
+    least forces of zero sum on the nodes around it.
+
+    Attributes:
+        force_limit: Largest magnitude of a force [N]; above it a command is refused.
+        torque_limit: Largest magnitude of a torque [N m].
+    """
+
+    name: ClassVar[str] = "wrench"
+    force_limit: float = quantity(100.0, "N", "largest accepted force", low=0.0, high=1e9)
+    torque_limit: float = quantity(10.0, "N m", "largest accepted torque", low=0.0, high=1e9)
+
+    def bind(self, assembly: Assembly) -> Term:
+        """Return the term that applies what is commanded."""
+        return WrenchTerm(assembly, self)
+
+
+class WrenchTerm(Term):
+    """Sum of the held wrenches; their work is an input, so there is no energy.
+
+    The Jacobian leaves out how a following frame turns its wrench: at 1 N that is about 1 N over 20 mm against
+    springs of 80 N/m each, and a Newton iteration with the exact force still converges to the exact answer.
+    """
+
+    name = WrenchInput.name
+    has_energy = False
+
+    def __init__(self, assembly: Assembly, effect: WrenchInput) -> None:
+        self.effect = effect
+        self._lattice, self._points = assembly.lattice, assembly.points
+        self._known: dict[str, tuple[Point, bool]] = {}
+
+    def frame(self, name: str) -> tuple[Point, bool]:
+        """Return the point of a frame and whether its axes are those of ldcs_base; ValueError if there is none."""
+        if name not in self._known:
+            aligned = name.endswith(ALIGNED)
+            self._known[name] = (point_at(self._lattice, name.removesuffix(ALIGNED), self._points), aligned)
+        return self._known[name]
+
+    def in_base(self, name: str, wrench: Wrench, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return force [N] and torque [N m] with axes of ldcs_base, from node positions [m]."""
+        point, aligned = self.frame(name)
+        axes = np.eye(3) if aligned else point.frame(position)
+        return axes @ np.array(wrench.force), axes @ np.array(wrench.torque)
+
+    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+        position = q[: 3 * self._lattice.n_nodes].reshape(-1, 3)
+        for name, wrench in inputs.wrenches.items():
+            point, _ = self.frame(name)
+            push, torque = self.in_base(name, wrench, position)
+            force[coordinates(point.nodes)] += push / len(point.nodes)
+            if torque.any():
+                patch, pushes = point.couple(position, torque)
+                force[coordinates(patch)] += pushes

@@ -1,0 +1,83 @@
+"""What is commanded over a step: torques, valve courses and wrenches, held and free of side effects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Valve:
+    """The pressure course of one arm since its target last changed: p' = (target - p) / tau, solved exactly.
+
+    Attributes:
+        time: When the target last changed [s].
+        pressure: Gauge pressure then [Pa].
+        target: Gauge pressure that it tends to [Pa].
+        fill_time: Time constant while the pressure rises [s].
+        vent_time: Time constant while it falls [s].
+    """
+
+    time: float
+    pressure: float
+    target: float
+    fill_time: float
+    vent_time: float
+
+    def at(self, time: float) -> float:
+        """Return the gauge pressure [Pa] at a time >= `self.time` [s]; it never leaves pressure ... target."""
+        tau = self.fill_time if self.target > self.pressure else self.vent_time
+        if tau == 0.0:
+            return self.target
+        return self.target + (self.pressure - self.target) * math.exp(-max(0.0, time - self.time) / tau)
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """A force and a torque at a frame of the sheet.
+
+    Attributes:
+        force: Force [N] in the frame's axes, shape (3,).
+        torque: Torque [N m] in the frame's axes, shape (3,).
+    """
+
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class HeldInputs:
+    """Everything commanded, constant or a known function of time until the next command.
+
+    Attributes:
+        torque: Drive torque of each joint [N m], shape (n_arms, n_links); None unless the arms are torque-driven.
+        valves: Pressure course of each arm; empty unless the arms are pressure-driven.
+        wrenches: Wrench by frame name.
+    """
+
+    torque: np.ndarray | None = None
+    valves: tuple[Valve, ...] = ()
+    wrenches: dict[str, Wrench] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ScheduledCommand:
+    """One entry of a scene's `inputs`: what is commanded from a time on when nobody commands.
+
+    Attributes:
+        time: Simulation time [s].
+        torque: Joint torques [N m], as `Inputs.set_torque` takes them, or None.
+        pressure: Gauge pressures [Pa], as `Inputs.set_pressure` takes them, or None.
+        wrench: (frame, force [N], torque [N m]), or None.
+    """
+
+    time: float
+    torque: Any = None
+    pressure: Any = None
+    wrench: tuple[str, tuple[float, float, float], tuple[float, float, float]] | None = None
+
+
+NO_INPUTS = HeldInputs()

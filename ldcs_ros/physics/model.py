@@ -1,0 +1,149 @@
+"""The model: a lattice and the effects that its scene names, summed into forces, Jacobians and energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.points import Point
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The system at an instant, in flat coordinates.
+
+    Attributes:
+        time: Simulation time [s].
+        q: Coordinates [m, rad], shape (n_coordinates,).
+        u: Their rates, same shape.
+        a: Accelerations of the free coordinates, shape (n_free,).
+    """
+
+    time: float
+    q: np.ndarray
+    u: np.ndarray
+    a: np.ndarray
+
+
+class Model:
+    """M(q) q'' = f(t, q, q', inputs) for the free coordinates; the prescribed ones are known functions of time.
+
+    The mass matrix is diagonal for nodes and one small block for each arm. A coordinate, a call and an import exist
+    only for what the scene names.
+
+    Args:
+        lattice: The lattice.
+        points: Named points, for effects that refer to them.
+        effects: The effects, in the scene's order.
+    """
+
+    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Sequence[Effect]) -> None:
+        self.lattice, self.points, self.effects = lattice, points, tuple(effects)
+        assembly = Assembly(lattice, points, lattice.node_mass.copy())
+        for effect in self.effects:
+            if effect.name == "gravity":
+                assembly.gravity = assembly.gravity + np.array(effect.acceleration)  # type: ignore[attr-defined]
+        # Weight needs the payloads' masses, so gravity is bound last.
+        order = sorted(range(len(self.effects)), key=lambda index: self.effects[index].name == "gravity")
+        terms: dict[int, Term] = {}
+        for index in order:
+            terms[index] = self.effects[index].bind(assembly)
+            assembly.node_mass = assembly.node_mass + terms[index].added_mass()
+        self.terms = tuple(terms[index] for index in range(len(self.effects)))
+        self.arms = next((term for term in self.terms if term.name == "arms"), None)
+        self.wrench = next((term for term in self.terms if term.name == "wrench"), None)
+        self.node_mass = assembly.node_mass
+        self.n_angles = 0 if self.arms is None else 2 * self.arms.n_links  # type: ignore[attr-defined]
+        self.n_coordinates = 3 * lattice.n_nodes + self.n_angles
+        self._find_free()
+
+    def _find_free(self) -> None:
+        is_free = np.ones(self.n_coordinates, dtype=bool)
+        for term in self.terms:
+            is_free[term.fixed()] = False
+        self.free = np.flatnonzero(is_free)
+        self.n_free_nodes = int(np.searchsorted(self.free, 3 * self.lattice.n_nodes))
+        self.n_free_angles = len(self.free) - self.n_free_nodes
+        self.mass = np.repeat(self.node_mass, 3)[self.free[: self.n_free_nodes]]
+        self.prescribing = tuple(term for term in self.terms if term.fixed().size)
+        self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
+
+    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the coordinates of the flat, unloaded sheet with straight arms, and zero rates."""
+        q = np.zeros(self.n_coordinates)
+        q[: 3 * self.lattice.n_nodes] = self.lattice.rest_position.ravel()
+        u = np.zeros(self.n_coordinates)
+        self.prescribe(0.0, q, u)
+        return q, u
+
+    def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
+        """Write the prescribed coordinates and rates at a time [s] into q and u."""
+        for term in self.prescribing:
+            term.prescribe(time, q, u)
+
+    def force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+        """Return the force on the free coordinates [N, N m], shape (n_free,)."""
+        total = np.zeros(self.n_coordinates)
+        for term in self.terms:
+            term.add_force(time, q, u, inputs, total)
+        return total[self.free]
+
+    def inertia(self, q: np.ndarray) -> np.ndarray | None:
+        """Return the mass matrix of the free angles [kg m^2], shape (n_arms, n, n), or None without any."""
+        return self.arms.inertia(q) if self.n_free_angles else None  # type: ignore[union-attr]
+
+    def momentum(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return M(q) a for free coordinates a, shape (n_free,)."""
+        result = np.empty(len(self.free))
+        result[: self.n_free_nodes] = self.mass * a[: self.n_free_nodes]
+        blocks = self.inertia(q)
+        if blocks is not None:
+            angles = a[self.n_free_nodes :].reshape(len(blocks), -1, 1)
+            result[self.n_free_nodes :] = (blocks @ angles).ravel()
+        return result
+
+    def accelerate(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+        """Return the accelerations of the free coordinates, M^-1 f, shape (n_free,)."""
+        force = self.force(time, q, u, inputs)
+        force[: self.n_free_nodes] /= self.mass
+        blocks = self.inertia(q)
+        if blocks is not None:
+            angles = force[self.n_free_nodes :].reshape(len(blocks), -1, 1)
+            force[self.n_free_nodes :] = np.linalg.solve(blocks, angles).ravel()
+        return force
+
+    @cached_property
+    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns, in free coordinates, of every Jacobian entry; -1 where a coordinate is prescribed."""
+        place = np.full(self.n_coordinates, -1)
+        place[self.free] = np.arange(len(self.free))
+        pairs = [term.entries() for term in self.terms]
+        rows = np.concatenate([pair[0] for pair in pairs])
+        columns = np.concatenate([pair[1] for pair in pairs])
+        return place[rows], place[columns]
+
+    def jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, *, definite: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values of d(force)/dq and d(force)/du at `entries`; with definite, of their stable part."""
+        values = [term.jacobian(time, q, u, inputs, definite) for term in self.terms]
+        return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
+
+    def potential_energy(self, time: float, q: np.ndarray) -> float:
+        """Return the elastic and gravitational energy [J]."""
+        return sum(term.energy(time, q) for term in self.terms)
+
+    def kinetic_energy(self, q: np.ndarray, u: np.ndarray) -> float:
+        """Return the kinetic energy of all nodes and links [J]."""
+        n = 3 * self.lattice.n_nodes
+        total = 0.5 * float(np.repeat(self.node_mass, 3) @ u[:n] ** 2)
+        if self.arms is not None:
+            rate = u[n:].reshape(2, -1)
+            total += 0.5 * float(np.einsum("ai,aij,aj", rate, self.arms.inertia(q), rate))  # type: ignore[attr-defined]
+        return total

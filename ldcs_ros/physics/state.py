@@ -1,0 +1,41 @@
+"""The state of a twin at an instant: everything that changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class State:
+    """What the twin is doing at an instant; `Simulation.reset(state)` goes on from it to the bit.
+
+    Attributes:
+        time: Simulation time [s].
+        position: Node positions in ldcs_base [m], shape (n_nodes, 3), order layer, i, j.
+        velocity: Node velocities in ldcs_base [m/s], shape (n_nodes, 3).
+        link_angle: Angle of each arm link against x in the XZ plane [rad], shape (n_arms, n_links), left arm first.
+        link_rate: Its time derivative [rad/s], same shape.
+        pressure: Gauge pressure of each arm [Pa], shape (n_arms,), or (0,) without a pressure drive.
+        memory: What the simulation needs beside it to go on to the bit (commands, the step under way); opaque.
+    """
+
+    time: float
+    position: np.ndarray
+    velocity: np.ndarray
+    link_angle: np.ndarray
+    link_rate: np.ndarray
+    pressure: np.ndarray
+    memory: Any = field(default=None, repr=False, compare=False)
+
+    @property
+    def joint_angle(self) -> np.ndarray:
+        """Angle of each link against the one before it [rad], shape (n_arms, n_links)."""
+        return np.diff(self.link_angle, axis=1, prepend=0.0)
+
+    @property
+    def joint_rate(self) -> np.ndarray:
+        """Time derivative of `joint_angle` [rad/s]."""
+        return np.diff(self.link_rate, axis=1, prepend=0.0)
