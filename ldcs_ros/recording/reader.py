@@ -19,6 +19,7 @@ from rosbags.rosbag2 import Reader, ReaderError
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.recording.bag_file import CUSTOM_DATA_RECORD
 from ldcs_ros.recording.metadata import FILE_NAME, ROOT_KEY
+from ldcs_ros.recording.reasons import reason
 from ldcs_ros.recording.recording import Decoder, Message, Recording
 from ldcs_ros.recording.schemas import Schemas
 from ldcs_ros.recording.topics import Qos, TopicInfo
@@ -68,7 +69,7 @@ class _Bag:
             with AnyReader([self._path], default_typestore=known) as reader:
                 types = reader.typestore
         except (AnyReaderError, ReaderError, OSError) as error:
-            raise RecordingError(f"{self._path}: the message definitions cannot be read: {error}") from error
+            raise RecordingError(f"{self._path}: its message types cannot be read: {reason(error)}") from error
         missing = known.fielddefs.keys() - types.fielddefs.keys()
         types.register({name: known.fielddefs[name] for name in missing})
         return types
@@ -91,7 +92,7 @@ def _opened(bag: Path) -> Iterator[Reader]:
         raise
     except Exception as error:  # damage may break decompression, parsing or SQL, each with errors of its own
         raise RecordingError(
-            f"{bag} is damaged or no ROS 2 bag: {error}; `ldcs recover {bag}` may mend an MCAP bag"
+            f"{bag} is damaged or no ROS 2 bag: {reason(error)}; `ldcs recover {bag}` may mend an MCAP bag"
         ) from error
 
 
@@ -124,7 +125,7 @@ def _check_marks(file: Path, bag: Path) -> None:
             stream.seek(max(len(opening), size - len(MAGIC)))
             closing = stream.read()
     except OSError as error:
-        raise RecordingError(f"{file} cannot be read: {error.strerror or error}") from error
+        raise RecordingError(f"{file} cannot be read: {reason(error)}") from error
     if not MAGIC.startswith(opening):
         raise RecordingError(f"{file} is no MCAP file: it does not begin like one")
     if closing != MAGIC:
@@ -144,7 +145,7 @@ def _custom_data(bag: Path) -> dict[str, str]:
                     if record.name == CUSTOM_DATA_RECORD:
                         return dict(record.metadata)
     except (OSError, yaml.YAMLError, McapError, KeyError, TypeError, AttributeError) as error:
-        raise RecordingError(f"{bag}: its card of the run (custom_data) cannot be read: {error}") from error
+        raise RecordingError(f"{bag}: its custom_data cannot be read: {reason(error)}") from error
     return {}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.recording.reasons import reason
 from ldcs_ros.recording.schemas import Schemas
 from ldcs_ros.recording.topics import TopicInfo
 
@@ -202,5 +203,5 @@ def _decode(decoder: Decoder, message: Message, recording: str) -> Any:
     except Exception as error:  # a foreign message may break the decoder anywhere
         raise RecordingError(
             f"{recording}: the message on {message.topic} at {message.time * 1e-9:.6f} s "
-            f"is no valid {message.type}: {error}"
+            f"is no valid {message.type}: {reason(error)}"
         ) from error

@@ -23,6 +23,7 @@ from ldcs_ros.recording.metadata import (
     sync_folder,
     write_metadata,
 )
+from ldcs_ros.recording.reasons import reason
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def recover(path: str | os.PathLike[str]) -> RecoveryReport:
         raise
     except OSError as error:
         raise RecordingError(
-            f"{bag} cannot be mended: {error.strerror or error}; it is as it was. "
+            f"{bag} cannot be mended: {reason(error)}; it is as it was. "
             "Mending needs to write there, and room for a second copy"
         ) from error
     return RecoveryReport(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.recording.reasons import reason
 
 ROS_DISTRO = "kilted"
 """The distribution whose message definitions are written, as `ros_distro` in the bag."""
@@ -50,11 +51,11 @@ class Schemas:
             try:
                 types.update(get_types_from_msg(text, name))
             except TypesysError as error:
-                raise RecordingError(f"the definition of {name!r} cannot be read: {error}") from error
+                raise RecordingError(f"the definition of {name!r} cannot be read: {reason(error)}") from error
         try:
             self.typestore.register(types)
         except TypesysError as error:
-            raise RecordingError(f"types {sorted(definitions)} cannot be added: {error}") from error
+            raise RecordingError(f"types {sorted(definitions)} cannot be added: {reason(error)}") from error
 
     def __getitem__(self, message_type: str) -> Schema:
         """The schema of a type; RecordingError names the type that is missing."""
@@ -63,6 +64,6 @@ class Schemas:
             return Schema(message_type, text, self.typestore.hash_rihs01(message_type))
         except (TypesysError, KeyError) as error:
             raise RecordingError(
-                f"message type {message_type!r} cannot be recorded: {error}; "
+                f"message type {message_type!r} cannot be recorded: {reason(error)}; "
                 "register the .msg text of it and of the types nested in it"
             ) from error

@@ -14,6 +14,7 @@ from types import TracebackType
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.recording.bag_file import CHUNK_SIZE, CUSTOM_DATA_RECORD, BagFile
 from ldcs_ros.recording.metadata import bag_information, sync_folder, write_metadata
+from ldcs_ros.recording.reasons import reason
 from ldcs_ros.recording.schemas import Schema, Schemas
 from ldcs_ros.recording.topics import TopicInfo
 
@@ -170,6 +171,9 @@ class BagWriter:
         path = self.folder / f"{self.folder.name}_0.mcap"
         try:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(_unwritable(self.folder, error)) from error
+        try:
             self.folder.mkdir()
         except FileExistsError as error:
             raise RecordingError(
@@ -248,11 +252,10 @@ class BagWriter:
         return self._closing or self._pending_bytes > CHUNK_SIZE
 
     def _fail(self, error: Exception) -> None:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error) or repr(error)
         with self._condition:
             if self._error is None:
                 self._error = (
-                    f"recording to {self.folder} stopped at {self._last_time * 1e-9:.3f} s: {reason}; "
+                    f"recording to {self.folder} stopped at {self._last_time * 1e-9:.3f} s: {reason(error)}; "
                     f"{self._flushed} messages are kept: mend the disk, then `ldcs recover {self.folder}`"
                 )
                 self._lost += self._accepted - self._flushed
@@ -270,5 +273,4 @@ def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:
 
 
 def _unwritable(folder: Path, error: OSError) -> str:
-    reason = error.strerror or error
-    return f"the bag folder {folder} cannot be written: {reason}; give a folder that you may write to"
+    return f"the bag folder {folder} cannot be written: {reason(error)}; give a folder that you may write to"
