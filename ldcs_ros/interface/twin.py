@@ -74,11 +74,11 @@ class Twin:
         self.accuracy = accuracy
         self.publish_rate = publish_rate
         self.sinks = list(sinks)
-        self.simulation = scene.build() if accuracy is None else scene.build(accuracy=accuracy)
+        self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
         self.watchdog = watchdog or Watchdog(wall.monotonic)
         self.commands = Commands(self.simulation)
         self.tracker_parameters = _tracker(scene.sensors, tracker_rate)
-        self.pressure_parameters = _pressure_sensor(scene.sensors)
+        self.pressure_parameters = self._pressure_sensor_of(scene.sensors)
         self._outputs = Outputs(
             self.simulation,
             self.emit,
@@ -243,6 +243,12 @@ class Twin:
             self._pressure_sensor = PressureSensor(pressure, self._generator(1, pressure.seed), start)
         self._outputs.report_static(start)
 
+    def _pressure_sensor_of(self, sensors: Any) -> PressureSensorParameters | None:
+        # Arms that are not driven by pressure have no chambers to measure.
+        if "pressure" not in sensors or self.simulation.inputs.pressure is None:
+            return None
+        return PressureSensorParameters(**sensors["pressure"])
+
     def _generator(self, sensor: int, seed: int) -> np.random.Generator:
         # One stream a sensor: adding a sensor does not change what the others report.
         return np.random.default_rng([sensor, seed if self.seed is None else self.seed])
@@ -283,7 +289,3 @@ def _tracker(sensors: Any, rate: float | None) -> TrackerParameters | None:
         return None
     given = dict(sensors["tracker"])
     return TrackerParameters(**(given if rate is None else {**given, "rate": rate}))
-
-
-def _pressure_sensor(sensors: Any) -> PressureSensorParameters | None:
-    return PressureSensorParameters(**sensors["pressure"]) if "pressure" in sensors else None

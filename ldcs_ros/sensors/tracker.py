@@ -41,7 +41,8 @@ class TrackerParameters:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", tuple(self.points))
-        if not self.points or len(set(self.points)) != len(self.points):
+        named = all(isinstance(point, str) for point in self.points)
+        if not self.points or not named or len(set(self.points)) != len(self.points):
             raise SceneError(
                 f"sensors.tracker.points is {list(self.points)}, expected different names of points"
             )

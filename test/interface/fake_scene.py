@@ -1,4 +1,4 @@
-"""A scene whose simulation moves on rails: its state is a known function of time, so messages can be foretold."""
+"""A scene whose simulation moves on rails: its state is a known function of time."""
 
 from __future__ import annotations
 

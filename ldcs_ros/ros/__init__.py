@@ -1,0 +1,1 @@
+"""The ROS 2 nodes: thin adapters around the twin, and the only place that imports rclpy."""

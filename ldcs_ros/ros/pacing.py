@@ -1,0 +1,69 @@
+"""Pacing of simulation time against a steady clock, by absolute deadlines."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+AS_FAST_AS_POSSIBLE = -1.0
+_LONGEST_SLEEP = 0.05
+
+
+class Pacer:
+    """Says when an event of the simulation is due.
+
+    Deadlines are counted from an anchor, so that errors do not add up. What is later than the tolerance has
+    overrun: that is counted, and the anchor moves, so that lost time is lost and not made up for in a burst.
+
+    Args:
+        real_time_factor: Simulated seconds a second; AS_FAST_AS_POSSIBLE for no waiting.
+        tolerance: Lateness that is not yet an overrun [s].
+        clock: Steady clock [s].
+
+    Attributes:
+        overruns: Events that came later than the tolerance.
+        worst_lateness: Largest lateness since it was last read by `take_worst_lateness` [s].
+    """
+
+    def __init__(
+        self, real_time_factor: float, *, tolerance: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.real_time_factor = real_time_factor
+        self.tolerance = tolerance
+        self.overruns = 0
+        self.worst_lateness = 0.0
+        self._clock = clock
+        self._anchor: tuple[float, float] | None = None
+
+    def lift(self) -> None:
+        """Forget the anchor: the next event is due at once, and time counts from there."""
+        self._anchor = None
+
+    def wait(self, simulation_time: float, wake: threading.Event) -> bool:
+        """Wait for the deadline of a simulation time [s], or a part of that time, or until `wake` is set.
+
+        Returns:
+            Whether the deadline has come.
+        """
+        if self.real_time_factor <= 0.0:
+            return True
+        now = self._clock()
+        if self._anchor is None:
+            self._anchor = (now, simulation_time)
+            return True
+        wall, simulated = self._anchor
+        lateness = now - wall - (simulation_time - simulated) / self.real_time_factor
+        if lateness < 0.0:
+            wake.wait(min(-lateness, _LONGEST_SLEEP))
+            return False
+        self.worst_lateness = max(self.worst_lateness, lateness)
+        if lateness > self.tolerance:
+            self.overruns += 1
+            self._anchor = (now, simulation_time)
+        return True
+
+    def take_worst_lateness(self) -> float:
+        """Return the largest lateness since the last call [s]."""
+        worst, self.worst_lateness = self.worst_lateness, 0.0
+        return worst

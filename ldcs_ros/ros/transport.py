@@ -1,0 +1,84 @@
+"""The wire: publishers and subscriptions that carry the twin's bytes as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from ldcs_ros.interface.topics import Topic
+
+
+class Transport:
+    """Carries messages between a twin and the graph; add it to the twin's sinks.
+
+    Args:
+        node: The node that owns publishers and subscriptions.
+    """
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node = node
+        self._publishers: dict[str, Publisher[Any]] = {}
+        self._subscriptions: list[Subscription[Any]] = []
+
+    def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> None:
+        """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`."""
+        overrides = QoSOverridingOptions.with_default_policies()
+        for topic in topics:
+            kind, qos = message_type(topic.type), _qos(topic)
+            if topic.direction == "out":
+                self._publishers[topic.name] = self._node.create_publisher(
+                    kind, topic.name, qos, qos_overriding_options=overrides
+                )
+            else:
+                subscription = self._node.create_subscription(
+                    kind,
+                    topic.name,
+                    partial(receive, topic.name),
+                    qos,
+                    qos_overriding_options=overrides,
+                    raw=True,
+                )
+                self._subscriptions.append(subscription)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._publishers.clear()
+        self._subscriptions.clear()
+
+    def wanted(self, topic: str) -> bool:
+        """Tell whether somebody listens."""
+        publisher = self._publishers.get(topic)
+        return publisher is not None and publisher.get_subscription_count() > 0
+
+    def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
+        """Publish one message; commands that the twin emits are not ours to publish."""
+        publisher = self._publishers.get(topic)
+        if publisher is not None:
+            publisher.publish(cdr)
+
+
+def message_type(name: str) -> Any:
+    """Return the rclpy class of a type such as 'std_msgs/msg/Header'."""
+    package, _, kind = name.split("/")
+    return getattr(import_module(f"{package}.msg"), kind)
+
+
+def _qos(topic: Topic) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=topic.depth,
+        reliability=ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local else DurabilityPolicy.VOLATILE,
+    )
