@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -97,10 +98,10 @@ class Contents:
         return schema.name if schema else ""
 
 
-def read_contents(stream: IO[bytes], size: int) -> Contents:
+def read_contents(stream: IO[bytes], size: int, tell: Callable[[int], None] | None = None) -> Contents:
     """Reads a file of some length [bytes] through once and compares it with its own index."""
     stream.seek(0)
-    scan = Scan(stream, size)
+    scan = Scan(stream, size, tell)
     contents = Contents()
     for record in scan:
         contents.take(record)
@@ -109,7 +110,14 @@ def read_contents(stream: IO[bytes], size: int) -> Contents:
     return contents
 
 
-def write_copy(stream: IO[bytes], size: int, contents: Contents, path: Path, name: str) -> FileSummary:
+def write_copy(
+    stream: IO[bytes],
+    size: int,
+    contents: Contents,
+    path: Path,
+    name: str,
+    tell: Callable[[int], None] | None = None,
+) -> FileSummary:
     """Writes a sound file with everything that can be read from a damaged one, in the same order.
 
     Args:
@@ -118,6 +126,7 @@ def write_copy(stream: IO[bytes], size: int, contents: Contents, path: Path, nam
         contents: What read_contents found in it.
         path: The new file.
         name: The name that it will have in the end.
+        tell: Called with the position in the damaged file.
 
     Raises:
         OSError: No room, or other trouble with the disk; the new file is then removed.
@@ -127,7 +136,7 @@ def write_copy(stream: IO[bytes], size: int, contents: Contents, path: Path, nam
     try:
         file.add_metadata(CUSTOM_DATA_RECORD, contents.custom_data)
         ids: dict[int, int] = {}
-        for record in Scan(stream, size):
+        for record in Scan(stream, size, tell):
             if isinstance(record, Channel) and record.id not in ids:
                 ids[record.id] = file.add_channel(
                     record.topic, record.message_encoding, contents.schema(record), record.metadata

@@ -69,7 +69,7 @@ class _Bag:
             with AnyReader([self._path], default_typestore=known) as reader:
                 types = reader.typestore
         except (AnyReaderError, ReaderError, OSError) as error:
-            raise RecordingError(f"{self._path}: its message types cannot be read: {reason(error)}") from error
+            raise RecordingError(f"{self._path}: unreadable message types: {reason(error)}") from error
         missing = known.fielddefs.keys() - types.fielddefs.keys()
         types.register({name: known.fielddefs[name] for name in missing})
         return types

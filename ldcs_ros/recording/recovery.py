@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +60,9 @@ class RecoveryReport:
         return f"{self.path} was mended: {content} kept, {self.dropped} bytes dropped"
 
 
-def recover(path: str | os.PathLike[str]) -> RecoveryReport:
+def recover(
+    path: str | os.PathLike[str], *, progress: Callable[[float], None] | None = None
+) -> RecoveryReport:
     """Mends an MCAP bag in place; a sound one is left untouched.
 
     Every record that is whole is kept, also those of a chunk that was cut. The new file is written beside
@@ -69,6 +71,7 @@ def recover(path: str | os.PathLike[str]) -> RecoveryReport:
 
     Args:
         path: Bag folder, or one .mcap file (then no metadata.yaml is written).
+        progress: Called with the share of the work that is done, 0 to 1.
 
     Raises:
         RecordingError: Nothing there, no MCAP bag, still being recorded, or no room for the new file.
@@ -80,10 +83,13 @@ def recover(path: str | os.PathLike[str]) -> RecoveryReport:
     whole = Contents()
     try:
         card = _read_card(bag)
-        for file in _mcap_files(bag):
+        files = _mcap_files(bag)
+        share = _Share(progress, 2 * sum(file.stat().st_size for file in files))
+        for file in files:
             with _locked(file) as stream:
                 size = os.fstat(stream.fileno()).st_size
-                contents = read_contents(stream, size)
+                contents = read_contents(stream, size, share.at)
+                share.done += size
                 if contents.profile is None:
                     raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
                 contents.take_information(card)
@@ -93,9 +99,10 @@ def recover(path: str | os.PathLike[str]) -> RecoveryReport:
                     contents.custom_data["recovered"] = (
                         f"{contents.counts.total()} messages kept, {contents.dropped} of {size} bytes dropped"
                     )
-                    summaries.append(_replace(file, stream, size, contents))
+                    summaries.append(_replace(file, stream, size, contents, share.at))
                     rewritten.append(file.name)
                     dropped += contents.dropped
+                share.done += size
                 whole.custom_data.update(contents.custom_data)
                 whole.ros_distro = whole.ros_distro or contents.ros_distro
         information = bag_information(summaries, whole.custom_data, ros_distro=whole.ros_distro)
@@ -119,10 +126,25 @@ def recover(path: str | os.PathLike[str]) -> RecoveryReport:
     )
 
 
-def _replace(file: Path, stream: IO[bytes], size: int, contents: Contents) -> FileSummary:
+@dataclass
+class _Share:
+    """Turns positions in files, each read up to twice, into the share of the work that is done."""
+
+    progress: Callable[[float], None] | None
+    total: int
+    done: int = 0
+
+    def at(self, position: int) -> None:
+        if self.progress is not None:
+            self.progress((self.done + position) / self.total)
+
+
+def _replace(
+    file: Path, stream: IO[bytes], size: int, contents: Contents, tell: Callable[[int], None]
+) -> FileSummary:
     part = file.with_name(f".{file.name}.part")
     part.unlink(missing_ok=True)
-    summary = write_copy(stream, size, contents, part, file.name)
+    summary = write_copy(stream, size, contents, part, file.name, tell)
     os.replace(part, file)
     sync_folder(file.parent)
     return summary

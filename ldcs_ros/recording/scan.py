@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import IO
 
-import lz4.frame
+import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -40,6 +40,7 @@ class Scan:
     Args:
         stream: The file, at its start.
         size: Its length [bytes].
+        tell: Called with the position before each record outside chunks.
 
     Attributes:
         position: Bytes read so far.
@@ -49,6 +50,7 @@ class Scan:
 
     stream: IO[bytes]
     size: int
+    tell: Callable[[int], None] | None = None
     position: int = 0
     dropped: int = 0
     finished: bool = False
@@ -62,6 +64,8 @@ class Scan:
             self.dropped = self.size
             return
         while self.position < self.size:
+            if self.tell is not None:
+                self.tell(self.position)
             head = self._read(_HEAD.size)
             if len(head) < _HEAD.size:
                 self.dropped += len(head)

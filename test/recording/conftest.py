@@ -19,7 +19,8 @@ def make_pose() -> Callable[[float], bytes]:
         types = store.types
         header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](0, 0), "ldcs_base")
         point = types["geometry_msgs/msg/Point"](x, 0.0, 0.0)
-        place = types["geometry_msgs/msg/Pose"](point, types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0))
+        upright = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        place = types["geometry_msgs/msg/Pose"](point, upright)
         return bytes(store.serialize_cdr(types[POSE](header, place), POSE))
 
     return build

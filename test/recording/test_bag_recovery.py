@@ -194,6 +194,14 @@ def test_the_files_of_a_split_bag_are_mended_in_their_order(tmp_path):
     assert read_bag(folder).counts == {"/a": 120}
 
 
+def test_progress_ascends_to_the_whole(tmp_path):
+    file = make_bag(tmp_path / "bag", chunks=20)
+    file.write_bytes(file.read_bytes()[:-1])
+    shares = []
+    recover(tmp_path / "bag", progress=shares.append)
+    assert shares == sorted(shares) and 0 <= shares[0] < 0.1 and 0.9 < shares[-1] <= 1
+
+
 def test_no_room_for_the_mended_file_leaves_the_old_one_as_it_was(tmp_path, monkeypatch):
     file = make_bag(tmp_path / "bag")
     file.write_bytes(file.read_bytes()[:-1])
