@@ -6,7 +6,8 @@ source tools/environment.sh
 # Without a distribution the venv is the underlay: ament and the messages stand in it.
 export PATH="$PWD/.venv/bin:$PATH" AMENT_PREFIX_PATH="$PWD/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}"
 
-python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -r requirements/colcon.lock
+python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --use-pep517 \
+    --requirement requirements/colcon.lock
 colcon build --base-paths . msg_defs --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$PWD/.venv/bin/python"
 
 set +u
