@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,6 +20,11 @@ from ldcs_ros.recording.bag_file import CUSTOM_DATA_RECORD, SUMMARY_RECORD, BagF
 from ldcs_ros.recording.metadata import FileSummary, bag_information, topic_summary
 from ldcs_ros.recording.scan import Scan
 from ldcs_ros.recording.schemas import ROS_DISTRO
+
+_FOOTER = struct.Struct("<BQQQI8s")
+"""Opcode, length, start of the summary, start of its offsets, checksum, closing mark."""
+_SUMMED_FOOTER = 1 + 8 + 8 + 8
+"""Bytes of the footer that its checksum covers."""
 
 
 @dataclass
@@ -164,10 +172,12 @@ def write_copy(
 
 def _index_agrees(stream: IO[bytes], contents: Contents) -> bool:
     """Whether readers that trust the index see what is there."""
-    stream.seek(0)
     try:
-        index = make_reader(stream, validate_crcs=True).get_summary()
-    except (McapError, ValueError, OSError):
+        if not _summary_is_right(stream):
+            return False
+        stream.seek(0)
+        index = make_reader(stream).get_summary()
+    except (McapError, ValueError, OSError, struct.error):
         return False
     return (
         index is not None
@@ -175,6 +185,18 @@ def _index_agrees(stream: IO[bytes], contents: Contents) -> bool:
         and index.statistics.message_count == contents.counts.total()
         and index.channels.keys() >= contents.channels.keys()
     )
+
+
+def _summary_is_right(stream: IO[bytes]) -> bool:
+    """Whether the summary has the checksum that the footer says; writers may leave it out (0)."""
+    end = stream.seek(-_FOOTER.size, os.SEEK_END)
+    footer = stream.read()
+    _, _, start, _, checksum, _ = _FOOTER.unpack(footer)
+    if not 0 < start <= end:
+        return False
+    stream.seek(start)
+    summary = stream.read(end - start)
+    return bool(checksum == 0 or zlib.crc32(summary + footer[:_SUMMED_FOOTER]) == checksum)
 
 
 def _mapping(text: str) -> dict[str, Any]:

@@ -79,7 +79,7 @@ class Recording:
     @property
     def duration(self) -> float:
         """Time from the first to the last message [s]."""
-        return (self.end - self.start) * 1e-9
+        return (self.end - self.start) / 1e9
 
     @property
     def count(self) -> int:

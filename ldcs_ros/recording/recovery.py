@@ -121,7 +121,7 @@ def recover(
         tuple(rewritten),
         metadata_written,
         information["message_count"],
-        information["duration"]["nanoseconds"] * 1e-9,
+        information["duration"]["nanoseconds"] / 1e9,
         dropped,
     )
 

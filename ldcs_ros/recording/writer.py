@@ -255,8 +255,9 @@ class BagWriter:
         with self._condition:
             if self._error is None:
                 self._error = (
-                    f"recording to {self.folder} stopped at {self._last_time * 1e-9:.3f} s: {reason(error)}; "
-                    f"{self._flushed} messages are kept: mend the disk, then `ldcs recover {self.folder}`"
+                    f"recording to {self.folder} stopped at {self._last_time / 1e9:.3f} s: {reason(error)}; "
+                    f"at least {self._flushed} messages are kept: "
+                    f"mend the disk, then `ldcs recover {self.folder}`"
                 )
                 self._lost += self._accepted - self._flushed
             self._pending.clear()

@@ -137,6 +137,23 @@ def test_a_cut_anywhere_keeps_every_whole_chunk(tmp_path_factory, share):
     assert sorted(path.name for path in file.parent.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
 
 
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+def test_one_wrong_bit_anywhere_never_yields_a_wrong_message(tmp_path_factory, share, bit):
+    file = make_bag(tmp_path_factory.mktemp("bit") / "bag")
+    data = bytearray(file.read_bytes())
+    data[int(share * len(data))] ^= 1 << bit
+    file.write_bytes(data)
+    try:
+        recover(file.parent)
+    except RecordingError as error:
+        assert "does not begin like an MCAP file" in str(error)
+        return
+    kept = [message.cdr for message in read_bag(file.parent).in_order()]
+    assert set(kept) <= {text(k) for k in range(60)} and len(set(kept)) == len(kept)
+    assert recover(file.parent).untouched
+
+
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_whole_messages_of_a_cut_chunk_are_kept(tmp_path, compression):
     file = tmp_path / "rig.mcap"
