@@ -16,13 +16,18 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "messages"
 
 
+def prefixes() -> list[str]:
+    """Return the folders that ROS 2 packages are looked for in: the venv, then the sourced distribution."""
+    ament = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return list(dict.fromkeys([sys.prefix, *filter(None, ament)]))
+
+
 def missing() -> list[str]:
     """Return what this machine lacks to build message packages."""
     lacks = [tool for tool in ("cmake", "g++", "make") if shutil.which(tool) is None]
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
         lacks.append("Python.h (Debian, Ubuntu: apt install python3-dev)")
-    prefixes = [sys.prefix, *os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
-    if not any(Path(prefix, "share/rosidl_default_generators").is_dir() for prefix in prefixes if prefix):
+    if not any(Path(prefix, "share/rosidl_default_generators").is_dir() for prefix in prefixes()):
         lacks.append("ROS 2 (rosidl_default_generators)")
     return lacks
 
@@ -33,13 +38,13 @@ def main() -> int:
         missing_here = ", ".join(lacks)
         print(f"setup: ldcs_msgs is not built (the twin runs without it): no {missing_here}", file=sys.stderr)
         return 1
-    prefixes = os.pathsep.join(filter(None, [sys.prefix, os.environ.get("AMENT_PREFIX_PATH")]))
-    environment = os.environ | {"AMENT_PREFIX_PATH": prefixes}
+    environment = os.environ | {"AMENT_PREFIX_PATH": os.pathsep.join(prefixes())}
     python_folder = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
     commands = [
         [
             "cmake", "-S", str(ROOT / "msg_defs"), "-B", str(BUILD),
             f"-DCMAKE_INSTALL_PREFIX={sys.prefix}",
+            f"-DCMAKE_PREFIX_PATH={';'.join(prefixes())}",
             f"-DPython3_EXECUTABLE={sys.executable}",
             f"-DPYTHON_INSTALL_DIR={python_folder}",
             "-DBUILD_TESTING=OFF",
