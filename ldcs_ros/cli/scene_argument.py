@@ -14,9 +14,13 @@ def scene_with(source: str, overrides: Sequence[str]) -> Any:
     Raises:
         SceneError: There is no such scene, or it is not valid, before or after the changes.
     """
-    from ldcs_ros import load_scene
+    import yaml
+
+    from ldcs_ros.scene.load import load_scene, parse_scene
 
     scene = load_scene(source)
     if not overrides:
         return scene
-    return load_scene(apply_overrides(scene.content, overrides))
+    content = apply_overrides(yaml.safe_load(scene.text), overrides)
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return parse_scene(text, name=scene.name, origin=f"{scene.name} with --set")

@@ -22,8 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the scenes; exit status 0."""
-    from ldcs_ros import load_scene
-    from ldcs_ros.scene import shipped_scenes
+    from ldcs_ros import load_scene, shipped_scenes
 
     if arguments.show is not None:
         scene = load_scene(arguments.show)

@@ -70,13 +70,15 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.interface.twin import Twin
 
     scene = scene_with(arguments.scene, arguments.overrides)
+    began = time.perf_counter()
     twin = Twin(scene, seed=arguments.seed, accuracy=arguments.accuracy)
     recorder = None
     if arguments.bag is not None:
         recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})
         twin.sinks.append(recorder)
     try:
-        outcome = _advance(twin, arguments)
+        _warm_up(twin)
+        outcome = _advance(twin, arguments, prepared_in=time.perf_counter() - began)
     except BaseException as error:
         kept = _give_up(twin, recorder)
         if kept and isinstance(error, DivergenceError):
@@ -100,7 +102,7 @@ class Outcome:
     """How a run went.
 
     Attributes:
-        preparation: Wall time spent before the run on compiling and loading kernels [s].
+        preparation: Wall time before the run: building, and compiling or loading kernels [s].
         wall_time: Wall time of the run with messages and recording [s].
         interrupted: Somebody asked it to end early.
     """
@@ -110,10 +112,8 @@ class Outcome:
     interrupted: bool
 
 
-def _advance(twin: Twin, arguments: argparse.Namespace) -> Outcome:
+def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -> Outcome:
     began = time.perf_counter()
-    _warm_up(twin)
-    prepared = time.perf_counter()
     if arguments.settle:
         twin.simulation.settle()
     end = twin.time + (arguments.duration or 0.0)
@@ -124,16 +124,13 @@ def _advance(twin: Twin, arguments: argparse.Namespace) -> Outcome:
             progress.show(twin.time)
         if not interruption.requested:
             twin.advance_to(end)
-    done = time.perf_counter()
-    return Outcome(prepared - began, done - prepared, interruption.requested)
+    return Outcome(prepared_in, time.perf_counter() - began, interruption.requested)
 
 
 def _warm_up(twin: Twin) -> None:
     # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
     # takes that out of the run's own time.
-    scene, accuracy = twin.scene, twin.accuracy
-    simulation = scene.build() if accuracy is None else scene.build(accuracy=accuracy)
-    simulation.advance_to(1e-4)
+    twin.simulation.scene.build().advance_to(1e-4)
 
 
 def _give_up(twin: Twin, recorder: Recorder | None) -> str:
@@ -157,12 +154,12 @@ def _report(
         name: 1e3 * (point.position(simulation.state.position) - point.position(rest))
         for name, point in simulation.points.items()
     }
-    ratio = twin.time / outcome.wall_time if arguments.duration is not None else None
+    ran = arguments.duration is not None
     return {
         "scene": scene.name,
         "title": scene.title,
         "effects": list(simulation.effects),
-        "integrator": simulation.integrator_name,
+        "integrator": simulation.integrator.name,
         "accuracy": simulation.accuracy,
         "error_estimate": statistics.error_estimate,
         "settled": arguments.settle,
@@ -171,7 +168,8 @@ def _report(
         "statistics": statistics.as_dict(),
         "preparation_time": outcome.preparation,
         "wall_time": outcome.wall_time,
-        "real_time_factor": ratio,
+        "real_time_factor": twin.time / outcome.wall_time if ran else None,
+        "solver_real_time_factor": twin.time / statistics.wall_time if ran else None,
         "displacement_mm": moved,
         "bag": None if recorder is None else str(recorder.folder),
         "messages": None if recorder is None else recorder.count,
@@ -186,21 +184,30 @@ def _print(report: dict[str, Any], *, as_json: bool) -> None:
     counts = report["statistics"]
     name = f"{report['scene']} - {report['title']}" if report["title"] else str(report["scene"])
     rest = " from the rest state" if report["settled"] else ""
-    ratio = f", {report['real_time_factor']:.3g} times real time" if report["real_time_factor"] else ""
+    accuracy = report["accuracy"]
+    asked = "fixed step" if accuracy is None else f"accuracy asked {accuracy:.1e} m"
     lines = [
         ("scene", name),
         ("effects", ", ".join(report["effects"])),
-        ("integrator", f"{report['integrator']}, accuracy asked {report['accuracy']:.1e} m"),
+        ("integrator", f"{report['integrator']}, {asked}"),
         ("estimated error", f"{report['error_estimate']:.1e} m"),
         (
             "simulated",
             f"{report['time']:.3f} s{rest} in {counts['steps']} steps ({counts['rejected_steps']} rejected)",
         ),
-        ("wall time", f"{report['wall_time']:.3f} s{ratio}"),
-        ("first use", f"{report['preparation_time']:.2f} s before that to compile or load kernels"),
+        ("wall time", f"{report['wall_time']:.3f} s{_ratio(report['real_time_factor'])}"),
+        ("solver alone", f"{counts['wall_time']:.3f} s{_ratio(report['solver_real_time_factor'])}"),
+        (
+            "before that",
+            f"{report['preparation_time']:.2f} s to build, and to compile (on first use) or load",
+        ),
     ]
     for point, (x, y, z) in report["displacement_mm"].items():
         lines.append((point, f"x {x:+.2f}   y {y:+.2f}   z {z:+.2f} mm from rest"))
     if report["bag"] is not None:
         lines.append(("bag", f"{report['bag']} ({report['messages']} messages)"))
     print_pairs(lines)
+
+
+def _ratio(factor: float | None) -> str:
+    return "" if factor is None else f", {factor:.3g} times real time"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ldcs_ros.plotting.style import LABEL_SIZE, LINE_COLOURS, dress, heading, new_figure
+from ldcs_ros.plotting.style import LABEL_SIZE, LINE_COLOURS, SOFT_INK, dress, heading, new_figure
 from ldcs_ros.plotting.tracks import Track
 
 KPA = 1e-3
@@ -44,17 +45,19 @@ def drives_figure(
         axes = figure.add_subplot(grid[number], sharex=shared)
         shared = shared or axes
         last = number == len(panels) - 1
-        for names, track in _merged(lines):
+        for group, track in _merged(lines):
             axes.plot(
                 track.time,
                 track.value,
-                label=_label(names, lines),
+                label=_label(group, lines),
                 linewidth=1.6,
-                **_line_style(names[0], lines),
+                **_line_style(group[0], lines),
             )
         dress(axes, x_label="time [s]" if last else "", y_label=label)
         axes.tick_params(labelbottom=last)
         axes.margins(x=0.0, y=0.1)
+        if not label.startswith("pressure"):
+            axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
         axes.legend(
             loc="center left",
             bbox_to_anchor=(1.01, 0.5),
@@ -77,7 +80,7 @@ def _merged(lines: Mapping[str, Track]) -> list[tuple[list[str], Track]]:
     for name, track in lines.items():
         for names, other in groups:
             if len(other.time) == len(track.time) and np.allclose(
-                other.value, track.value, rtol=0.0, atol=0.002 * span
+                other.value, track.value, rtol=0.0, atol=0.01 * span
             ):
                 names.append(name)
                 break
@@ -105,11 +108,11 @@ def _range(joints: list[str]) -> str:
     return f"{numbers[0]}-{numbers[-1]}" if run else ", ".join(joints)
 
 
-def _line_style(name: str, lines: Mapping[str, Track]) -> dict[str, str]:
+def _line_style(name: str, lines: Mapping[str, Track]) -> dict[str, Any]:
     # A colour for each joint; the right arm dashed, so that nearly equal arms both show.
     arm, _, joint = name.partition("_")
     kinds = list(dict.fromkeys(one.partition("_")[2] for one in lines))
     return {
         "color": LINE_COLOURS[kinds.index(joint) % len(LINE_COLOURS)],
         "linestyle": (0, (3, 2)) if arm == "right" else "solid",
-    }  # type: ignore[dict-item]
+    }

@@ -36,6 +36,12 @@ def frame_times(track: SurfaceTrack) -> np.ndarray:
     return np.linspace(start, end, max(count, 2))
 
 
+def check_kind(kind: str) -> None:
+    """Raise MovieError if a moving picture of a kind, 'gif' or 'mp4', cannot be made here."""
+    if kind == "mp4" and shutil.which("ffmpeg") is None:
+        raise MovieError("no ffmpeg here to write MP4: install ffmpeg, or ask for a GIF with --animate gif")
+
+
 def save_motion(
     track: SurfaceTrack, subject: Subject, path: Path, *, progress: Callable[[int, int], None] | None = None
 ) -> Path:
@@ -50,8 +56,7 @@ def save_motion(
     Raises:
         MovieError: MP4 was asked for and there is no ffmpeg, or ffmpeg failed.
     """
-    if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
-        raise MovieError("no ffmpeg here to write MP4: install ffmpeg, or ask for a GIF with --animate gif")
+    check_kind(path.suffix[1:])
     times = frame_times(track)
     period = float(times[-1] - times[0]) / (len(times) - 1)
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")

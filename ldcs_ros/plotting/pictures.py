@@ -10,7 +10,7 @@ import numpy as np
 
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting.drives import drives_figure
-from ldcs_ros.plotting.motion import save_motion
+from ldcs_ros.plotting.motion import check_kind, save_motion
 from ldcs_ros.plotting.points import points_figure
 from ldcs_ros.plotting.style import save_png
 from ldcs_ros.plotting.subject import subject_of
@@ -48,8 +48,10 @@ def draw(
 
     Raises:
         RecordingError: The recording holds no surface, or a time is outside of it; nothing is written.
-        MovieError: MP4 was asked for and cannot be made.
+        MovieError: MP4 was asked for and there is no ffmpeg; nothing is written.
     """
+    if animate is not None:
+        check_kind(animate)
     track = surface_track(recording)
     indices = _asked(track, times) if times else telling_indices(track)
     subject = subject_of(recording, track)

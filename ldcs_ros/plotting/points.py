@@ -41,29 +41,37 @@ def points_figure(
     for number, name in enumerate(names):
         axes = figure.add_subplot(grid[number], sharex=shared)
         shared = shared or axes
-        track = truth[name] if name in truth else measured[name]
-        origin = rest.get(name, track.first)
-        for which, colour in enumerate(AXIS_COLOURS.values()):
-            if name in measured:
-                dots = measured[name]
-                height = MM * (dots.value[:, which] - origin[which])
-                axes.plot(dots.time, height, ".", color=colour, markersize=2.2, alpha=0.35, zorder=1.5)
-            if name in truth:
-                line = truth[name]
-                axes.plot(line.time, MM * (line.value[:, which] - origin[which]), color=colour, linewidth=1.7)
-        axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
+        origin = rest.get(name, (truth if name in truth else measured)[name].first)
+        _draw(axes, truth.get(name), measured.get(name), origin)
         last = number == len(names) - 1
         dress(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name)
         axes.tick_params(labelbottom=last)
-        axes.margins(x=0.0, y=0.08)
-        ends = MM * (track.last - origin)
-        label_line_ends(
-            axes,
-            [
-                (end, f"{axis}  {end:+.1f} mm", AXIS_COLOURS[axis])
-                for axis, end in zip("xyz", ends, strict=True)
-            ],
-        )
     note = "lines: the state   dots: what the tracker reports" if truth and measured else ""
     heading(figure, title, note)
     return figure
+
+
+def _draw(axes: Axes, truth: Track | None, measured: Track | None, origin: np.ndarray) -> None:
+    labels = []
+    for which, (axis, colour) in enumerate(AXIS_COLOURS.items()):
+        end = 0.0
+        if measured is not None:
+            moved = MM * (measured.value[:, which] - origin[which])
+            axes.plot(measured.time, moved, ".", color=colour, markersize=2.2, alpha=0.35, zorder=1.5)
+            end = float(moved[-1])
+        if truth is not None:
+            moved = MM * (truth.value[:, which] - origin[which])
+            # A line through a single moment would not show.
+            marker = "o" if len(moved) == 1 else ""
+            axes.plot(truth.time, moved, color=colour, linewidth=1.7, marker=marker)
+            end = float(moved[-1])
+        labels.append((end, f"{axis}  {_signed(end)} mm", colour))
+    axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
+    axes.margins(x=0.0, y=0.08)
+    label_line_ends(axes, labels)
+
+
+def _signed(value: float) -> str:
+    # Rounded first, so that a tiny negative number is no -0.0; with a true minus sign, as on the axis.
+    rounded = round(value, 1)
+    return f"{rounded:+.1f}".replace("-", "\N{MINUS SIGN}") if rounded else "0.0"

@@ -51,9 +51,9 @@ def subject_of(recording: Any, track: SurfaceTrack) -> Subject:
     text = recording.custom_data.get("scene")
     if text is None:
         return Subject(recording.name, track.position(0), {}, (), ())
-    from ldcs_ros.scene import scene_from_text
+    from ldcs_ros.scene.load import parse_scene
 
-    scene = scene_from_text(text)
+    scene = parse_scene(text, name=recording.custom_data.get("scene_name", ""), origin=recording.name)
     lattice: Lattice = scene.lattice
     effects = scene.effects
     rest = lattice.rest_position

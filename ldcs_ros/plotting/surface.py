@@ -91,7 +91,7 @@ def surface_figure(positions: Sequence[np.ndarray], times: Sequence[float], subj
         axes: Any = figure.add_axes(box, projection="3d", computed_zorder=False)
         draw_surface(axes, position, subject, frame, large=large)
         if not large:
-            stamp = {"fontsize": LABEL_SIZE, "color": INK, "ha": "center", "va": "top"}
+            stamp: dict[str, Any] = {"fontsize": LABEL_SIZE, "color": INK, "ha": "center", "va": "top"}
             figure.text(box[0] + 0.5 * box[2], box[1] + 0.93 * box[3], f"t = {time:.2f} s", **stamp)
     heading(figure, subject.title, f"t = {times[0]:.2f} s" if large else "")
     tall = min(2.6, 0.6 * height * rows)
@@ -105,7 +105,7 @@ def add_colour_bar(figure: Figure, axes: Any, frame: Frame) -> None:
     bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
     bar.set_label("displacement [mm]", fontsize=LABEL_SIZE, color=INK)
     bar.ax.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK, length=2)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
 
 
 def draw_surface(axes: Axes3D, position: np.ndarray, subject: Subject, frame: Frame, *, large: bool) -> None:

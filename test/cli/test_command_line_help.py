@@ -1,0 +1,77 @@
+"""Help, unknown words and broken pipes: what every verb has in common."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ldcs_ros.cli.main import VERBS, main
+
+
+def in_a_process(*words, **options):
+    return subprocess.run(
+        [sys.executable, "-m", "ldcs_ros", *words], capture_output=True, text=True, timeout=50, **options
+    )
+
+
+def test_help_is_fast_and_loads_no_numpy():
+    program = "import sys; from ldcs_ros.cli.main import main; main(['--help']); print(sorted(sys.modules))"
+    best = min(timed(program) for _ in range(3))
+    # The interpreter itself needs some 20 ms; the limit leaves room for a busy machine.
+    assert best < 0.4
+
+
+def timed(program):
+    began = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    elapsed = time.perf_counter() - began
+    loaded = done.stdout.splitlines()[-1]
+    for heavy in ("'numpy'", "'rosbags'", "'mcap'", "'matplotlib'", "'rclpy'", "'numba'", "'yaml'"):
+        assert heavy not in loaded
+    return elapsed
+
+
+def test_help_lists_every_verb():
+    done = in_a_process("--help")
+    assert done.returncode == 0
+    for name, verb in VERBS.items():
+        assert f"  {name}" in done.stdout and verb.summary in done.stdout
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_every_verb_explains_itself_with_an_example(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([name, "--help"])
+    text = capsys.readouterr().out
+    assert stop.value.code == 0
+    assert f"usage: ldcs {name}" in text and "--json" in text
+    assert f"example:\n  ldcs {name}" in text
+    assert importlib.import_module(VERBS[name].module).DESCRIPTION.split("\n")[0] in text
+
+
+def test_an_unknown_verb_is_refused_with_the_nearest_one(refused):
+    assert "did you mean 'simulate'" in refused("simulat", "paper")
+
+
+def test_an_unknown_option_is_refused(refused):
+    assert "--bogus" in refused("effects", "--bogus")
+
+
+def test_no_verb_at_all_prints_the_overview_and_fails(ldcs):
+    outcome = ldcs()
+    assert outcome.status == 2 and "verbs:" in outcome.out
+
+
+def test_a_reader_that_leaves_is_no_error():
+    with subprocess.Popen(
+        [sys.executable, "-m", "ldcs_ros", "effects"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        process.stdout.close()
+        error = process.stderr.read()
+        process.wait(timeout=50)
+    assert process.returncode == 141
+    assert error == b""

@@ -1,0 +1,55 @@
+"""Recordings of short runs, made once for all tests of pictures."""
+
+from __future__ import annotations
+
+import pytest
+
+from ldcs_ros import load_scene
+from ldcs_ros.interface.recorder import run_description
+from ldcs_ros.interface.twin import Twin
+from ldcs_ros.recording import Recording
+from ldcs_ros.recording.recording import Message
+
+SCENE = {
+    "title": "A small sheet on a pneumatic pair of arms",
+    "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [5, 4], "mass": 0.160},
+    "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
+    "effects": [
+        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
+        {"type": "gravity"},
+        {"type": "clamp", "edge": "x_min"},
+        {"type": "payload", "at": "P1", "mass": 0.010},
+        {"type": "force", "at": ["top", 4, 0], "value": [0.0, 0.1, 0.0]},
+        {"type": "arms", "drive": "pressure"},
+    ],
+    "inputs": [{"time": 0.0, "pressure": [1.0e5, 0.8e5]}],
+    "sensors": {"tracker": {"points": ["P1"], "rate": 80.0, "delay": 0.02}, "pressure": {"rate": 100.0}},
+    "solver": {"integrator": "auto", "accuracy": 1.0e-4},
+}
+
+
+def recorded(scene, *, until):
+    """Return a run of a scene, recorded in memory under the names that a bag has."""
+    messages = []
+    twin = Twin(
+        scene,
+        sinks=[lambda *message: messages.append(Message("/ldcs/" + message[0].strip("/"), *message[1:]))],
+    )
+    twin.advance_to(until)
+    return Recording.from_messages(messages, custom_data=run_description(twin))
+
+
+@pytest.fixture(scope="session")
+def scene():
+    return load_scene(SCENE)
+
+
+@pytest.fixture(scope="session")
+def recording(scene):
+    return recorded(scene, until=0.4)
+
+
+@pytest.fixture(scope="session")
+def still(scene):
+    """A recording of one moment."""
+    return recorded(scene, until=0.0)

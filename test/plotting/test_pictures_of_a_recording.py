@@ -1,0 +1,125 @@
+"""Pictures are written whole, are not blank, and show what they are asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.plotting import motion
+from ldcs_ros.plotting.drives import drives_figure
+from ldcs_ros.plotting.pictures import draw, telling_indices
+from ldcs_ros.plotting.subject import subject_of
+from ldcs_ros.plotting.surface import surface_figure
+from ldcs_ros.plotting.tracks import joint_tracks, pressure_tracks, surface_track
+
+
+def pixels(path):
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def inked(path):
+    """Return the share of pixels that are not white."""
+    return float((pixels(path) < 245).any(axis=-1).mean())
+
+
+def test_every_picture_has_content(recording, tmp_path):
+    written = draw(recording, tmp_path / "new" / "folder")
+    assert [path.name for path in written] == ["surface.png", "points.png", "drives.png"]
+    for path in written:
+        height, width, _ = pixels(path).shape
+        assert width > 900 and height > 400
+        assert inked(path) > 0.02
+    assert sorted(path.name for path in (tmp_path / "new" / "folder").iterdir()) == sorted(
+        path.name for path in written
+    )
+
+
+def test_arms_are_black_and_loads_are_red(recording, tmp_path):
+    (surface, *_) = draw(recording, tmp_path, times=[0.4])
+    image = pixels(surface).astype(int)
+    black = (image.max(axis=-1) < 12).mean()
+    red = ((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] < 80)).mean()
+    assert black > 2e-3 and red > 2e-4
+
+
+def test_more_times_make_more_panels(recording):
+    track = surface_track(recording)
+    subject = subject_of(recording, track)
+    widths = []
+    for count in (2, 4, 6):
+        figure = surface_figure([track.position(k) for k in range(count)], track.time[:count], subject)
+        panels = [axes for axes in figure.axes if axes.name == "3d"]
+        assert len(panels) == count
+        widths.append(figure.get_figwidth())
+    # Six are laid out in two rows of three.
+    assert widths[2] < widths[1]
+
+
+def test_axes_are_scaled_equally(recording):
+    track = surface_track(recording)
+    figure = surface_figure([track.position(-1)], [0.4], subject_of(recording, track))
+    axes = figure.axes[0]
+    spans = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
+    shown = axes._box_aspect
+    assert np.allclose(spans / shown, spans[0] / shown[0])
+
+
+def test_the_default_times_follow_the_motion(recording):
+    track = surface_track(recording)
+    indices = telling_indices(track)
+    assert indices[0] == 0 and indices[-1] == len(track) - 1 and 2 < len(indices) <= 4
+    moved = [np.abs(track.position(k) - track.position(0)).max() for k in indices]
+    assert moved[1] < 0.8 * max(moved)
+
+
+def test_a_time_outside_of_the_recording_is_refused_before_anything_is_written(recording, tmp_path):
+    with pytest.raises(RecordingError, match="outside of the recorded surface, 0 ... 0.4 s"):
+        draw(recording, tmp_path / "pictures", times=[0.1, 9.0])
+    assert not (tmp_path / "pictures").exists()
+
+
+def test_a_single_moment_can_be_drawn(still, tmp_path, recwarn):
+    written = draw(still, tmp_path)
+    assert len(written) == 3 and all(inked(path) > 0.01 for path in written)
+    assert not [str(warning.message) for warning in recwarn]
+
+
+def test_equal_lines_are_drawn_once_and_different_arms_apart(recording):
+    figure = drives_figure(pressure_tracks(recording), joint_tracks(recording), title="")
+    labels = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes]
+    assert labels[0] == ["left", "right"]
+    assert labels[1] == ["left joints 1-4", "right joints 1-4"]
+
+
+def test_the_motion_is_a_moving_gif(recording, tmp_path):
+    told = []
+    written = draw(
+        recording, tmp_path, animate="gif", progress=lambda done, total: told.append((done, total))
+    )
+    assert written[-1].name == "motion.gif"
+    with Image.open(written[-1]) as image:
+        assert image.n_frames == 9 == told[-1][0] == told[-1][1]
+        first = np.asarray(image.convert("RGB")).astype(int)
+        image.seek(8)
+        last = np.asarray(image.convert("RGB")).astype(int)
+    assert (np.abs(first - last) > 60).any(axis=-1).mean() > 0.01
+
+
+def test_an_mp4_without_ffmpeg_is_refused_with_a_way_out(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(motion.shutil, "which", lambda name: None)
+    with pytest.raises(motion.MovieError, match="--animate gif"):
+        draw(recording, tmp_path, animate="mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_that_cannot_be_finished_leaves_no_file(recording, tmp_path, monkeypatch):
+    def fail(*_arguments, **_options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(motion, "_write_gif", fail)
+    track = surface_track(recording)
+    with pytest.raises(OSError):
+        motion.save_motion(track, subject_of(recording, track), tmp_path / "motion.gif")
+    assert list(tmp_path.iterdir()) == []
