@@ -38,6 +38,7 @@ setup(
         "pyyaml",
         "rosbags",
         "scipy",
+        "threadpoolctl",
         "tqdm",
         "zstandard",
     ],

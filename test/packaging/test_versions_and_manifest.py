@@ -27,7 +27,13 @@ ROSDEP_KEY = {
     "yaml": "python3-yaml",
 }
 # No rosdep key: a comment of package.xml names them.
-FROM_PYPI = {"lz4": "lz4", "mcap": "mcap", "mcap_ros2": "mcap-ros2-support", "zstandard": "zstandard"}
+FROM_PYPI = {
+    "lz4": "lz4",
+    "mcap": "mcap",
+    "mcap_ros2": "mcap-ros2-support",
+    "threadpoolctl": "threadpoolctl",
+    "zstandard": "zstandard",
+}
 # What a wheel is called where its name is neither that of the import nor that of a ROS package.
 WHEEL = {"PIL": "pillow", "mpl_toolkits": "matplotlib", "yaml": "pyyaml", **FROM_PYPI}
 # Skipped at run time where they are not installed, so nothing depends on them.
