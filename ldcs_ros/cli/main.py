@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import NamedTuple, NoReturn
 
+from ldcs_ros import __version__
 from ldcs_ros.cli.arguments import CommandLineError
 from ldcs_ros.errors import LdcsError
 
@@ -71,7 +72,7 @@ def _dispatch(words: list[str]) -> int:
         print(_overview())
         return 0 if words else EXIT_BAD_INPUT
     if words[0] == "--version":
-        print(f"ldcs {_version()}")
+        print(f"ldcs {__version__}")
         return 0
     name = words[0]
     if name not in VERBS:
@@ -103,15 +104,6 @@ def _overview() -> str:
         "  ldcs simulate paper --duration 3 --bag out/first && ldcs plot out/first\n\n"
         "exit status: 0 done, 1 a check failed, 2 bad input, 130 interrupted"
     )
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("ldcs_ros")
-    except PackageNotFoundError:
-        return "(not installed)"
 
 
 def _complain(message: str) -> int:

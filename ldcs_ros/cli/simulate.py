@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ldcs_ros.interface.twin import Twin
 
 DESCRIPTION = """\
-Run a scene as fast as it can, without ROS. The bag holds the same topics, byte for byte, as the live node's
-bag of the same run: nodes, poses, joint states, pressures, diagnostics. `ros2 bag` and Foxglove open it."""
+Run a scene as fast as it can, without ROS. The bag holds what the live node would record: nodes, poses, joint
+states, pressures, diagnostics. `ros2 bag`, RViz and Foxglove open it."""
 EXAMPLE = """\
 ldcs simulate paper --duration 3 --bag out/paper
   ldcs simulate paper --settle --bag out/rest --set effects.payload.mass=0.02
@@ -154,7 +154,7 @@ def _report(
         name: 1e3 * (point.position(simulation.state.position) - point.position(rest))
         for name, point in simulation.points.items()
     }
-    ran = arguments.duration is not None
+    ran = twin.time > 0.0
     return {
         "scene": scene.name,
         "title": scene.title,
@@ -181,33 +181,40 @@ def _print(report: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
         print_json(report)
         return
-    counts = report["statistics"]
     name = f"{report['scene']} - {report['title']}" if report["title"] else str(report["scene"])
-    rest = " from the rest state" if report["settled"] else ""
     accuracy = report["accuracy"]
     asked = "fixed step" if accuracy is None else f"accuracy asked {accuracy:.1e} m"
     lines = [
         ("scene", name),
         ("effects", ", ".join(report["effects"])),
         ("integrator", f"{report['integrator']}, {asked}"),
-        ("estimated error", f"{report['error_estimate']:.1e} m"),
-        (
-            "simulated",
-            f"{report['time']:.3f} s{rest} in {counts['steps']} steps ({counts['rejected_steps']} rejected)",
+        *(
+            _run_lines(report)
+            if report["time"] > 0.0
+            else [("rest state", f"found in {report['wall_time']:.3f} s")]
         ),
-        ("wall time", f"{report['wall_time']:.3f} s{_ratio(report['real_time_factor'])}"),
-        ("solver alone", f"{counts['wall_time']:.3f} s{_ratio(report['solver_real_time_factor'])}"),
         (
             "before that",
             f"{report['preparation_time']:.2f} s to build, and to compile (on first use) or load",
         ),
     ]
     for point, (x, y, z) in report["displacement_mm"].items():
-        lines.append((point, f"x {x:+.2f}   y {y:+.2f}   z {z:+.2f} mm from rest"))
+        # Adding 0 turns a rounded -0.0 into 0.0.
+        moved = "   ".join(f"{axis} {round(d, 2) + 0.0:+.2f}" for axis, d in (("x", x), ("y", y), ("z", z)))
+        lines.append((point, f"{moved} mm from rest"))
     if report["bag"] is not None:
         lines.append(("bag", f"{report['bag']} ({report['messages']} messages)"))
     print_pairs(lines)
 
 
-def _ratio(factor: float | None) -> str:
-    return "" if factor is None else f", {factor:.3g} times real time"
+def _run_lines(report: dict[str, Any]) -> list[tuple[str, str]]:
+    counts = report["statistics"]
+    rest = " from the rest state" if report["settled"] else ""
+    steps = f"{counts['steps']} steps ({counts['rejected_steps']} rejected)"
+    whole, alone = report["real_time_factor"], report["solver_real_time_factor"]
+    return [
+        ("estimated error", f"{report['error_estimate']:.1e} m"),
+        ("simulated", f"{report['time']:.3f} s{rest} in {steps}"),
+        ("wall time", f"{report['wall_time']:.3f} s, {whole:.3g} times real time"),
+        ("solver alone", f"{counts['wall_time']:.3f} s, {alone:.3g} times real time"),
+    ]

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+import ldcs_ros
 from ldcs_ros.cli.main import VERBS, main
 
 
@@ -20,9 +21,8 @@ def in_a_process(*words, **options):
 
 def test_help_is_fast_and_loads_no_numpy():
     program = "import sys; from ldcs_ros.cli.main import main; main(['--help']); print(sorted(sys.modules))"
-    best = min(timed(program) for _ in range(3))
-    # The interpreter itself needs some 20 ms; the limit leaves room for a busy machine.
-    assert best < 0.4
+    # The best of a few: the machine may be busy.
+    assert min(timed(program) for _ in range(5)) < 0.2
 
 
 def timed(program):
@@ -55,6 +55,10 @@ def test_every_verb_explains_itself_with_an_example(name, capsys):
 
 def test_an_unknown_verb_is_refused_with_the_nearest_one(refused):
     assert "did you mean 'simulate'" in refused("simulat", "paper")
+
+
+def test_the_version_is_told(ldcs):
+    assert ldcs("--version").out == f"ldcs {ldcs_ros.__version__}\n"
 
 
 def test_an_unknown_option_is_refused(refused):

@@ -64,6 +64,7 @@ def test_two_runs_record_the_same_bytes(ldcs, scene_file, tmp_path):
 def test_settling_records_the_rest_state_alone(ldcs, scene_file, tmp_path):
     outcome = ldcs("simulate", scene_file, "--settle", "--bag", tmp_path / "bag", "--json")
     report = json.loads(outcome.out)
+    assert "rest state" in ldcs("simulate", scene_file, "--settle").out
     assert outcome.status == 0 and report["time"] == 0.0 and report["settled"]
     assert len(read_bag(tmp_path / "bag").channels["/ldcs/nodes"]) == 1
     assert np.linalg.norm(report["displacement_mm"]["P1"]) > 1.0
@@ -73,6 +74,20 @@ def test_a_settled_sheet_stays_at_rest(ldcs, scene_file):
     still = json.loads(ldcs("simulate", scene_file, "--settle", "--json").out)["displacement_mm"]["P1"]
     later = json.loads(ldcs("simulate", scene_file, "--settle", "--duration", "0.3", "--json").out)
     assert np.allclose(later["displacement_mm"]["P1"], still, rtol=0.0, atol=0.3)
+
+
+def test_a_progress_bar_is_shown_on_a_terminal_only(ldcs, scene_file, monkeypatch):
+    words = ("simulate", scene_file, "--duration", "0.1")
+    assert ldcs(*words).err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert "%" in ldcs(*words).err
+    assert ldcs(*words, "--json").err == ""
+
+
+def test_a_fixed_step_can_be_asked_for(ldcs, scene_file):
+    solver = "solver={integrator: trbdf2, dt: 0.0005}"
+    outcome = ldcs("simulate", scene_file, "--duration", "0.05", "--set", solver)
+    assert "trbdf2, fixed step" in outcome.out and "in 100 steps (0 rejected)" in outcome.out
 
 
 def test_overrides_and_seed_reach_the_run(ldcs, scene_file, tmp_path):

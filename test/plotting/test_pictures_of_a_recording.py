@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -112,6 +114,35 @@ def test_an_mp4_without_ffmpeg_is_refused_with_a_way_out(recording, tmp_path, mo
     with pytest.raises(motion.MovieError, match="--animate gif"):
         draw(recording, tmp_path, animate="mp4")
     assert list(tmp_path.iterdir()) == []
+
+
+def a_stand_in_for_ffmpeg(folder, monkeypatch, script):
+    """Put a shell script named ffmpeg first on the path."""
+    folder.mkdir()
+    (folder / "ffmpeg").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "ffmpeg").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+
+
+def test_an_mp4_is_made_of_all_pictures_at_their_rate(recording, tmp_path, monkeypatch):
+    # The last word is the file to write; what comes in are raw pictures of three bytes a pixel.
+    keep = f'echo "$@" > {tmp_path}/words; for last; do :; done; cat > "$last"'
+    a_stand_in_for_ffmpeg(tmp_path / "bin", monkeypatch, keep)
+    written = draw(recording, tmp_path / "p", animate="mp4")
+    assert written[-1].name == "motion.mp4"
+    words = (tmp_path / "words").read_text().split()
+    width, height = map(int, words[words.index("-s") + 1].split("x"))
+    assert float(words[words.index("-r") + 1]) == pytest.approx(20.0)
+    assert written[-1].stat().st_size == 9 * width * height * 3
+
+
+def test_a_failing_ffmpeg_is_told_and_leaves_no_file(recording, tmp_path, monkeypatch):
+    fail = "cat > /dev/null; echo 'no such encoder' >&2; exit 1"
+    a_stand_in_for_ffmpeg(tmp_path / "bin", monkeypatch, fail)
+    track = surface_track(recording)
+    with pytest.raises(motion.MovieError, match="no such encoder"):
+        motion.save_motion(track, subject_of(recording, track), tmp_path / "motion.mp4")
+    assert not list(tmp_path.glob("*motion*"))
 
 
 def test_a_picture_that_cannot_be_finished_leaves_no_file(recording, tmp_path, monkeypatch):
