@@ -33,13 +33,12 @@ class BagFile:
 
     Args:
         path: The file; it must not exist.
-        profile: MCAP profile; `ros2` for anything that rosbag2 is to read.
 
     Raises:
         OSError: Any trouble of the file system, here and in every method.
     """
 
-    def __init__(self, path: Path, *, profile: str = Profile.ROS2) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self._stream = open_new(path)
         with suppress(OSError):  # file systems without locks: recording goes on without this protection
@@ -51,7 +50,7 @@ class BagFile:
         self._start = 2**64 - 1
         self._end = 0
         try:
-            self._writer.start(profile=profile, library="ldcs_ros")
+            self._writer.start(profile=Profile.ROS2, library="ldcs_ros")
             self._stream.flush()
         except OSError:
             self.abandon()

@@ -140,7 +140,7 @@ def write_copy(
         OSError: No room, or other trouble with the disk; the new file is then removed.
     """
     stream.seek(0)
-    file = BagFile(path, profile=contents.profile or "")
+    file = BagFile(path)
     try:
         file.add_metadata(CUSTOM_DATA_RECORD, contents.custom_data)
         ids: dict[int, int] = {}

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import yaml
+from mcap.well_known import Profile
 
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.recording.contents import Contents, read_contents, write_copy
@@ -92,6 +93,11 @@ def recover(
                 share.done += size
                 if contents.profile is None:
                     raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
+                if contents.profile != Profile.ROS2:
+                    raise RecordingError(
+                        f"{file} is no ROS 2 bag: its profile is {contents.profile!r}, expected 'ros2'; "
+                        "it was left untouched"
+                    )
                 contents.take_information(card)
                 if contents.sound:
                     summaries.append(contents.summary(file.name))

@@ -31,6 +31,15 @@ _READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.ATTACHMENT: Attachment.read,
     Opcode.METADATA: Metadata.read,
 }
+_BROKEN_CHUNK = (
+    struct.error,
+    UnicodeDecodeError,
+    KeyError,
+    RuntimeError,
+    zstandard.ZstdError,
+    MemoryError,  # a chunk whose length is wrong may claim to be of any size
+    OverflowError,
+)
 
 
 @dataclass
@@ -114,8 +123,8 @@ class Scan:
             name_length = struct.unpack_from("<I", body, _CHUNK.size)[0]
             name_end = _CHUNK.size + 4 + name_length
             compression = body[_CHUNK.size + 4 : name_end].decode()
-            data = _decompress(compression, body[name_end + _LENGTH.size :], size)
-        except (struct.error, UnicodeDecodeError, KeyError, RuntimeError, EOFError, zstandard.ZstdError):
+            data = _decompress(compression, body[name_end + _LENGTH.size :], size, whole)
+        except _BROKEN_CHUNK:
             self.dropped += _HEAD.size + len(body)
             return
         if whole and (len(data) != size or (checksum and zlib.crc32(data) != checksum)):
@@ -138,14 +147,19 @@ def _is_opcode(opcode: int) -> bool:
     return 0 < opcode <= _LARGEST_OPCODE or opcode >= _PRIVATE_OPCODES
 
 
-def _decompress(compression: str, data: bytes, size: int) -> bytes:
-    """As much as comes out: a cut stream gives its whole blocks.
+def _decompress(compression: str, data: bytes, size: int, whole: bool) -> bytes:
+    """All of a whole stream; of a cut one as much as comes out, which is its whole blocks.
 
     Raises:
         KeyError: A compression that MCAP does not name.
+        RuntimeError, zstandard.ZstdError: Not such a stream, or one said to be whole that is not.
     """
     if compression == "zstd":
+        if whole:
+            return zstandard.decompress(data, max_output_size=size)
         return bytes(zstandard.ZstdDecompressor().decompressobj().decompress(data))
     if compression == "lz4":
+        if whole:
+            return bytes(lz4.frame.decompress(data))
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
-    return {"": data}[compression][:size]
+    return {"": data}[compression]

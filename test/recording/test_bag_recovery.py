@@ -147,7 +147,7 @@ def test_one_wrong_bit_anywhere_never_yields_a_wrong_message(tmp_path_factory, s
     try:
         recover(file.parent)
     except RecordingError as error:
-        assert "does not begin like an MCAP file" in str(error)
+        assert "does not begin like" in str(error) or "profile" in str(error)  # the header has no checksum
         return
     kept = [message.cdr for message in read_bag(file.parent).in_order()]
     assert set(kept) <= {text(k) for k in range(60)} and len(set(kept)) == len(kept)
