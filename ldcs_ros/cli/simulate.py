@@ -25,6 +25,7 @@ states, pressures, diagnostics. `ros2 bag`, RViz and Foxglove open it."""
 EXAMPLE = """\
 ldcs simulate paper --duration 3 --bag out/paper
   ldcs simulate paper --settle --bag out/rest --set effects.payload.mass=0.02
+  ldcs simulate arc --duration 3 --set "solver={integrator: trbdf2, dt: 0.001}"
   ldcs simulate my_scene.yaml --duration 10 --accuracy 1e-6 --bag out/mine --json"""
 
 EXIT_NOT_RECORDED = 1

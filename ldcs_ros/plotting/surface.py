@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ldcs_ros.plotting.style import (
@@ -179,11 +179,10 @@ def _shade(quads: np.ndarray) -> np.ndarray:
 
 def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool) -> None:
     # Lines over everything: the far arm would vanish behind the sheet's rim.
-    lines = [place[:, :, row].mean(axis=0) for row in rows]
-    style = {"capstyle": "round", "joinstyle": "round"}
-    axes.add_collection3d(
-        Line3DCollection(lines, colors="black", linewidths=4.0 if large else 2.4, zorder=3, **style)
-    )
+    style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
+    for row in rows:
+        x, y, z = place[:, :, row].mean(axis=0).T
+        axes.plot(x, y, z, color="black", linewidth=4.0 if large else 2.4, **style)
 
 
 def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool) -> None:

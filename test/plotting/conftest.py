@@ -39,6 +39,11 @@ def recorded(scene, *, until):
     return Recording.from_messages(messages, custom_data=run_description(twin))
 
 
+@pytest.fixture
+def record():
+    return recorded
+
+
 @pytest.fixture(scope="session")
 def scene():
     return load_scene(SCENE)

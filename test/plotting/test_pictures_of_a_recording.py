@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from ldcs_ros import load_scene, shipped_scenes
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting import motion
 from ldcs_ros.plotting.drives import drives_figure
@@ -44,6 +46,17 @@ def test_arms_are_black_and_loads_are_red(recording, tmp_path):
     black = (image.max(axis=-1) < 12).mean()
     red = ((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] < 80)).mean()
     assert black > 2e-3 and red > 2e-4
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_shipped_scene_can_be_drawn(name, record, tmp_path):
+    written = draw(record(load_scene(name), until=0.06), tmp_path, times=[0.0, 0.06])
+    assert all(inked(path) > 0.01 for path in written)
+
+
+def test_a_foreign_bag_without_a_scene_can_be_drawn(recording, tmp_path):
+    foreign = replace(recording, custom_data={})
+    assert inked(draw(foreign, tmp_path, times=[0.4])[0]) > 0.02
 
 
 def test_more_times_make_more_panels(recording):
