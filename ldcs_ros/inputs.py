@@ -79,7 +79,9 @@ class Inputs:
         links = self._arms.links
         torque = self._numbers(value, "torque", "N m", ((), (2,), (2, links)))
         if (np.abs(torque) > self._arms.torque_limit).any():
-            raise CommandError(f"torque: got {_shown(torque)} N m, expected at most {self._arms.torque_limit:g} N m")
+            raise CommandError(
+                f"torque: got {_shown(torque)} N m, expected at most {self._arms.torque_limit:g} N m"
+            )
         if torque.shape == (2,):
             torque = torque[:, None]
         self.torque = np.broadcast_to(torque, (2, links)).copy()
@@ -97,16 +99,23 @@ class Inputs:
     def _take_wrench(self, frame: str, force: Any, torque: Any) -> None:
         term: Any = self._model.wrench
         if term is None:
-            raise CommandError("wrench: the scene does not name the effect 'wrench'; add '- {type: wrench}' to its effects")
+            raise CommandError(
+                "wrench: the scene does not name the effect 'wrench'; add '- {type: wrench}' to its effects"
+            )
         try:
             term.frame(frame)
         except ValueError as error:
             raise CommandError(f"wrench: unknown frame: {error}, or one of these with '_aligned'") from error
         held = {}
-        for name, value, limit in (("force", force, term.effect.force_limit), ("torque", torque, term.effect.torque_limit)):
+        for name, value, limit in (
+            ("force", force, term.effect.force_limit),
+            ("torque", torque, term.effect.torque_limit),
+        ):
             vector = self._numbers(value, f"wrench.{name}", "N m" if name == "torque" else "N", ((3,),))
             if float(np.linalg.norm(vector)) > limit:
-                raise CommandError(f"wrench.{name}: got {_shown(vector)}, expected a magnitude of at most {limit:g}")
+                raise CommandError(
+                    f"wrench.{name}: got {_shown(vector)}, expected a magnitude of at most {limit:g}"
+                )
             held[name] = (float(vector[0]), float(vector[1]), float(vector[2]))
         self.wrenches = {**self.wrenches, frame: Wrench(**held)}
         self.version += 1
@@ -176,7 +185,8 @@ class Inputs:
 
     def _switch(self, time: float, targets: tuple[float, ...]) -> None:
         self._valves = tuple(
-            self._valve(time, valve.at(time), target) for valve, target in zip(self._valves, targets, strict=True)
+            self._valve(time, valve.at(time), target)
+            for valve, target in zip(self._valves, targets, strict=True)
         )
 
     def _no_drive(self, kind: str) -> str:

@@ -13,11 +13,12 @@ from ldcs_ros.errors import CommandError, SceneError, SolverError
 from ldcs_ros.inputs import Inputs
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import Counters, Step
-from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
+from ldcs_ros.integrators.control import LOCAL_SHARE, AdaptiveSteps, FixedSteps, Pace
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
+from ldcs_ros.threads import one_thread
 
 if TYPE_CHECKING:
     from ldcs_ros.scene.scene import Scene
@@ -57,9 +58,9 @@ class Statistics:
 class Simulation:
     """The twin of one scene.
 
-    Integration steps follow the motion, not the caller: `advance_to` integrates past the asked time if that is
-    cheaper and evaluates the step inside, so how often one looks does not change the answer. A command acts at the
-    time that was last advanced to.
+    Integration steps follow the motion, not the caller: `advance_to` integrates past the asked time if that
+    is cheaper and evaluates the step inside, so how often one looks does not change the answer. A command
+    acts at the time that was last advanced to.
 
     Args:
         scene: What to simulate.
@@ -79,7 +80,8 @@ class Simulation:
         self.inputs = Inputs(self.model, lambda: self.time)
         solver = scene.solver
         method = integrator_class(DEFAULT_INTEGRATOR if solver.integrator == "auto" else solver.integrator)
-        self.integrator = method(self.model, FIXED_STEP_TOLERANCE if solver.accuracy is None else solver.accuracy)
+        tolerance = FIXED_STEP_TOLERANCE if solver.accuracy is None else LOCAL_SHARE * solver.accuracy
+        self.integrator = method(self.model, tolerance)
         self.accuracy = solver.accuracy
         if solver.dt is None:
             self._control: AdaptiveSteps | FixedSteps = AdaptiveSteps(self.integrator)
@@ -122,14 +124,8 @@ class Simulation:
             raise ValueError(f"cannot advance to {time!r} s, expected a time of at least {self.time:.9g} s")
         started = wall_clock.perf_counter()
         try:
-            self._take_commands()
-            while True:
-                stop = min(time, self._next_event())
-                self._integrate_to(stop)
-                self.time = stop
-                if stop == time and self._next_event() > time:
-                    break
-                self._run_events(stop)
+            with one_thread():
+                self._advance(time)
         finally:
             self._count(wall_clock.perf_counter() - started)
 
@@ -201,7 +197,8 @@ class Simulation:
         """Move to the state in which the scene comes to rest: schedule and smooth rises done, chambers filled.
 
         Raises:
-            DivergenceError: No rest state was found (nothing holds a free sheet, for example); nothing changed.
+            DivergenceError: No rest state was found (nothing holds a free sheet, for example); nothing
+                changed.
         """
         from ldcs_ros.integrators.equilibrium import rest_state
 
@@ -213,19 +210,31 @@ class Simulation:
             self.inputs.settle()
             q, u = self.model.rest()
             q[self.model.free] = self._step.at(before.time, self.model).q[self.model.free]
-            q = rest_state(self.model, q, time, self.inputs.held())
+            with one_thread():
+                q = rest_state(self.model, q, time, self.inputs.held())
         except Exception:
             self.reset(before)
             raise
         self._begin(q, np.zeros_like(u))
 
-    # -- inside ---------------------------------------------------------------------------------------------------
+    # -- inside
+    # ---------------------------------------------------------------------------------------------------
 
     def _begin(self, q: np.ndarray, u: np.ndarray) -> None:
         self._held, self._seen = self.inputs.held(), self.inputs.version
         motion = self.integrator.start(self.time, q, u, self._held)
         self._step = Step(motion, motion, 0.0)
         self._pace: Pace = self._control.first(motion)
+
+    def _advance(self, time: float) -> None:
+        self._take_commands()
+        while True:
+            stop = min(time, self._next_event())
+            self._integrate_to(stop)
+            self.time = stop
+            if self._next_event() > time:
+                break
+            self._run_events(stop)
 
     def _motion(self) -> Motion:
         return self._step.at(self.time, self.model)
@@ -235,7 +244,8 @@ class Simulation:
             start = self._step.right
             barrier = min([self._next_event(), *(b for b in self.model.breakpoints if b > start.time)])
             step, pace = self._control.advance(start, self._held, self._pace, barrier)
-            self._step, self._pace = step, pace
+            self._step = step
+            self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
             self.statistics.error_estimate = max(self.statistics.error_estimate, step.error)
 
     def _take_commands(self) -> None:
@@ -249,7 +259,7 @@ class Simulation:
         after = self.model.accelerate(self.time, motion.q, motion.u, held)
         motion = Motion(motion.time, motion.q, motion.u, motion.a + (after - before))
         self._held, self._seen = held, self.inputs.version
-        self._step = Step(motion, motion, 0.0)
+        self._step, self._pace = Step(motion, motion, 0.0), self._control.corner(self._pace)
 
     def _next_event(self) -> float:
         schedule = self.scene.inputs
@@ -273,7 +283,9 @@ class Simulation:
 
     def _restore(self, state: State) -> None:
         if state.memory is None:
-            raise ValueError("this state was not made by a simulation; reset() without it goes to the scene's start")
+            raise ValueError(
+                "this state was not made by a simulation; reset() without it goes to the scene's start"
+            )
         (self._step, self._pace, self._held, waiting, self._next_command), inputs, integrator = state.memory
         self.time = state.time
         self.inputs.restore(inputs)

@@ -15,6 +15,11 @@ from ldcs_ros.physics.model import Motion
 SMALLEST_STEP = 1e-9  # s; below it a simulation does not end
 LARGEST_STEP = 1.0  # s
 SAFETY = 0.9
+# Errors of successive steps add up while the motion remembers them: a step may make this share of what is
+# asked.
+LOCAL_SHARE = 0.03
+# After a corner in commands or drives the smooth step before it says little about the one after it.
+CORNER_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -33,13 +38,17 @@ class Pace:
 class AdaptiveSteps:
     """Keeps the error estimate of every step below the integrator's accuracy.
 
-    PI control (Gustafsson 1991; Hairer and Wanner, section IV.2), with a dead zone in which the step stays as it
-    is, so that factors are kept.
+    PI control (Gustafsson 1991; Hairer and Wanner, section IV.2), with a dead zone in which the step stays as
+    it is, so that factors are kept.
     """
 
     def __init__(self, integrator: Integrator) -> None:
         self.integrator = integrator
         self._power = 1.0 / integrator.error_order
+
+    def corner(self, pace: Pace) -> Pace:
+        """Return the pace after a command or drive changed abruptly."""
+        return Pace(CORNER_SHARE * pace.h)
 
     def first(self, motion: Motion) -> Pace:
         """Return the pace at a start: the step in which the present acceleration moves something noticeably."""
@@ -81,7 +90,11 @@ class AdaptiveSteps:
         if clipped and not rejected:
             grown = max(grown, pace.h)
         if clipped:
-            step = Step(step.left, Motion(_landing(step.right.time, stop), step.right.q, step.right.u, step.right.a), step.error)
+            step = Step(
+                step.left,
+                Motion(_landing(step.right.time, stop), step.right.q, step.right.u, step.right.a),
+                step.error,
+            )
         return step, Pace(min(grown, LARGEST_STEP), ratio)
 
 
@@ -95,9 +108,15 @@ class FixedSteps:
         """Return the pace at a start."""
         return Pace(self.h)
 
+    def corner(self, pace: Pace) -> Pace:
+        """Return the pace after a command or drive changed abruptly: the same."""
+        return pace
+
     def advance(self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float) -> tuple[Step, Pace]:
         """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken."""
-        h, clipped = (stop - motion.time, True) if motion.time + self.h * (1 + 1e-9) >= stop else (self.h, False)
+        h, clipped = (
+            (stop - motion.time, True) if motion.time + self.h * (1 + 1e-9) >= stop else (self.h, False)
+        )
         try:
             step = self.integrator.step(motion, inputs, h)
         except StepFailure as failure:

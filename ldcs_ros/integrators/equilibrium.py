@@ -17,9 +17,9 @@ BALANCED = 1e-12  # m: a Newton step below it is rounding
 def rest_state(model: Model, q: np.ndarray, time: float, inputs: HeldInputs) -> np.ndarray:
     """Return the coordinates at which the forces of constant inputs balance.
 
-    Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as the
-    steps shrink, so it creeps like the damped sheet far from rest and is Newton's method near it. A step moves no
-    node by more than half a spacing.
+    Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as
+    the steps shrink, so it creeps like the damped sheet far from rest and is Newton's method near it. A step
+    moves no node by more than half a spacing.
 
     Args:
         model: The model.

@@ -17,7 +17,13 @@ class Factors:
     """
 
     def __init__(
-        self, order: np.ndarray, n_nodes: int, band: np.ndarray, border: np.ndarray, corner: np.ndarray, rate_step: float
+        self,
+        order: np.ndarray,
+        n_nodes: int,
+        band: np.ndarray,
+        border: np.ndarray,
+        corner: np.ndarray,
+        rate_step: float,
     ) -> None:
         self.rate_step = rate_step
         self._order, self._n = order, n_nodes
@@ -44,8 +50,9 @@ class Factors:
 class LinearSystem:
     """Where each Jacobian entry of a model goes in band, border and corner; made once for a model.
 
-    Node coordinates are ordered slab by slab along the longer side, so the half-bandwidth is about 6 times the
-    number of nodes along the shorter side. The matrix is made symmetric: an entry and its mirror share the mean.
+    Node coordinates are ordered slab by slab along the longer side, so the half-bandwidth is about 6 times
+    the number of nodes along the shorter side. The matrix is made symmetric: an entry and its mirror share
+    the mean.
     """
 
     def __init__(self, model: Model) -> None:
@@ -79,7 +86,9 @@ class LinearSystem:
         layer, i, j = np.unravel_index(node, (2, nx, ny))
         return np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
 
-    def factor(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float) -> Factors:
+    def factor(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float
+    ) -> Factors:
         """Return the factored W at a motion; its exact Jacobian if that is definite, else the stable part.
 
         Raises:
@@ -91,18 +100,29 @@ class LinearSystem:
             return self._assemble(time, q, u, inputs, rate_step, definite=True)
 
     def _assemble(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float, *, definite: bool
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
+        *,
+        definite: bool,
     ) -> Factors:
         n, n_angles = self.model.n_free_nodes, self.model.n_free_angles
         by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite)
         values = -rate_step * (by_rate + rate_step * by_position)
         if not np.isfinite(values).all():
             raise np.linalg.LinAlgError("the Jacobian is not finite")
-        band = np.bincount(self._inner_slot, values[self._inner] * self._inner_share, minlength=n * self._width)
+        band = np.bincount(
+            self._inner_slot, values[self._inner] * self._inner_share, minlength=n * self._width
+        )
         band = band[: n * self._width].reshape((self._width, n), order="F")
         band[0] += self.model.mass[self._order]
         border = np.bincount(self._edge_slot, values[self._edge] * self._edge_share, minlength=n * n_angles)
-        corner = np.bincount(self._corner_slot, values[self._corner], minlength=n_angles**2).reshape(n_angles, n_angles)
+        corner = np.bincount(self._corner_slot, values[self._corner], minlength=n_angles**2).reshape(
+            n_angles, n_angles
+        )
         blocks = self.model.inertia(q)
         if blocks is not None:
             corner = 0.5 * (corner + corner.T)

@@ -7,8 +7,8 @@ towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
     M_ij = m l^2 w_ij cos(phi_i - phi_j) + I d_ij                      w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
     sum_j M_ij phi_j'' = Q_i - sum_j m l^2 w_ij sin(phi_i - phi_j) phi_j'^2
 
-the Lagrangian equations of a serial chain with uniform links (adapted from Giri and Walker's arm: input torques
-at the joints instead of muscles; paper, section II and Figure 3).
+the Lagrangian equations of a serial chain with uniform links (adapted from Giri and Walker's arm: input
+torques at the joints instead of muscles; paper, section II and Figure 3).
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ def crosspiece_end(phi, rate, length, station, turn, offset, place, speed, slope
     """Write place (x, z) [m], speed (x, z) [m/s] of a crosspiece's end and slope = d(place)/d(phi), shape (n, 2).
 
     turn holds the share of each link angle in the crosspiece's own angle, shape (n,); offset is the end's
-    signed distance from the backbone [m]. The arm's base is at the origin. Returns the crosspiece's angle [rad].
+    signed distance from the backbone [m]. The arm's base is at the origin. Returns the crosspiece's angle
+    [rad].
     """
     n = phi.size
     angle = 0.0
@@ -111,18 +112,40 @@ def crosspiece_end(phi, rate, length, station, turn, offset, place, speed, slope
 
 @compiled
 def add_coupling_force(  # type: ignore[no-untyped-def]
-    q, u, phi, rate, length, arm, station, offset, row_y, nodes, weight, turn, stiffness, damping, force, torque
+    q,
+    u,
+    phi,
+    rate,
+    length,
+    arm,
+    station,
+    offset,
+    row_y,
+    nodes,
+    weight,
+    turn,
+    stiffness,
+    damping,
+    force,
+    torque,
 ):
     """Add the coupling springs' force on the sheet's nodes (flat `force`) and on the links (`torque`).
 
-    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c, m]].
+    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c,
+    m]].
     """
     n = phi.shape[1]
     place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
     for c in range(arm.size):
         side = arm[c]
-        crosspiece_end(phi[side], rate[side], length, station[c], turn[station[c]], offset[c], place, speed, slope)
-        fx, fy, fz = -stiffness * place[0] - damping * speed[0], -stiffness * row_y[c], -stiffness * place[1] - damping * speed[1]
+        crosspiece_end(
+            phi[side], rate[side], length, station[c], turn[station[c]], offset[c], place, speed, slope
+        )
+        fx, fy, fz = (
+            -stiffness * place[0] - damping * speed[0],
+            -stiffness * row_y[c],
+            -stiffness * place[1] - damping * speed[1],
+        )
         for m in range(2):
             i = 3 * nodes[c, m]
             fx += weight[c, m] * (stiffness * q[i] + damping * u[i])
@@ -139,8 +162,29 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
 
 @compiled
 def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
-    q, u, phi, rate, length, arm, station, offset, row_y, nodes, weight, turn, stiffness, damping, definite,
-    node_node, node_angle, angle_node, angle_angle, node_node_rate, node_angle_rate, angle_node_rate, angle_angle_rate,
+    q,
+    u,
+    phi,
+    rate,
+    length,
+    arm,
+    station,
+    offset,
+    row_y,
+    nodes,
+    weight,
+    turn,
+    stiffness,
+    damping,
+    definite,
+    node_node,
+    node_angle,
+    angle_node,
+    angle_angle,
+    node_node_rate,
+    node_angle_rate,
+    angle_node_rate,
+    angle_angle_rate,
 ):
     """Write the couplings' Jacobian blocks by position (first four) and by rate (last four).
 
@@ -179,7 +223,9 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
                     node_node_rate[c, m, p, axis] = -weight[c, m] * weight[c, p] * damping
             for axis in range(2):
                 for k in range(n):
-                    node_angle[c, m, axis, k] = weight[c, m] * (stiffness * slope[k, axis] + damping * turning[k, axis])
+                    node_angle[c, m, axis, k] = weight[c, m] * (
+                        stiffness * slope[k, axis] + damping * turning[k, axis]
+                    )
                     node_angle_rate[c, m, axis, k] = weight[c, m] * damping * slope[k, axis]
                     angle_node[c, m, axis, k] = weight[c, m] * stiffness * slope[k, axis]
                     angle_node_rate[c, m, axis, k] = weight[c, m] * damping * slope[k, axis]

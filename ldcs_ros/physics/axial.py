@@ -95,7 +95,9 @@ def _add_force_whole(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: 
     pull = tension[:, None] * n
     whole = force[: 3 * (b.max() + 1)].reshape(-1, 3)  # the last node is the far end of a spring
     for axis in range(3):
-        whole[:, axis] += np.bincount(a, pull[:, axis], len(whole)) - np.bincount(b, pull[:, axis], len(whole))
+        whole[:, axis] += np.bincount(a, pull[:, axis], len(whole)) - np.bincount(
+            b, pull[:, axis], len(whole)
+        )
 
 
 def _fill_jacobian_whole(  # type: ignore[no-untyped-def]

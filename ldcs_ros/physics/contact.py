@@ -11,13 +11,20 @@ from ldcs_ros.physics.inputs import HeldInputs
 class PlaneContact(Term):
     """Nodes on a plane z = height, as in Hunt and Crossley (1975), with a linear law and a rounded onset.
 
-    f_z = E'(d) max(0, 1 + beta d'), d = height - z the penetration. E'(d) is 0 for d < 0, k d^2 / (2 w) up to the
-    onset width w and k (d - w / 2) beyond: once continuously differentiable, so Newton's method and error control
-    see no corner. The dissipation E'(d) beta d'^2 is never negative, and the force is never below zero.
+    f_z = E'(d) max(0, 1 + beta d'), d = height - z the penetration. E'(d) is 0 for d < 0, k d^2 / (2 w) up to
+    the onset width w and k (d - w / 2) beyond: once continuously differentiable, so Newton's method and error
+    control see no corner. The dissipation E'(d) beta d'^2 is never negative, and the force is never below
+    zero.
     """
 
     def __init__(
-        self, name: str, nodes: np.ndarray, *, height: float, stiffness: float, damping: float,
+        self,
+        name: str,
+        nodes: np.ndarray,
+        *,
+        height: float,
+        stiffness: float,
+        damping: float,
         onset: float,
     ) -> None:
         self.name = name
@@ -32,7 +39,9 @@ class PlaneContact(Term):
         slope = self.stiffness * np.clip(depth / self.onset, 0.0, 1.0)
         return push, slope
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         push, _ = self._normal(q)
         if push.any():
             force[self.vertical] += push * np.maximum(0.0, 1.0 - self.damping * u[self.vertical])

@@ -1,13 +1,15 @@
 """The corotational spring law: vector springs in the best-fit rotated frame of each node.
 
-Each node i with its springs j forms a star. With r_j = x_j - x_i, rest vectors d_j and half a spring for each end,
+Each node i with its springs j forms a star. With r_j = x_j - x_i, rest vectors d_j and half a spring for each
+end,
 
     E_i = sum_j k_j/4 |r_j - R_i d_j|^2,      R_i = the rotation that minimises it,
     D_i = sum_j c_j/4 |r_j' - w_i x r_j|^2,   w_i = the angular velocity that minimises it,
 
 so a spring pulls with k (r - (R_a + R_b) d / 2) as in Sorkine and Alexa (2007), "As-rigid-as-possible surface
-modeling". R_i and w_i are minimisers, so their own change drops out of the force, and rigid motion gives none.
-The exact Jacobian follows by eliminating them: E_xx - E_xw E_ww^-1 E_wx, a correction of rank three a star.
+modeling". R_i and w_i are minimisers, so their own change drops out of the force, and rigid motion gives
+none. The exact Jacobian follows by eliminating them: E_xx - E_xw E_ww^-1 E_wx, a correction of rank three a
+star.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from ldcs_ros.physics.rotation import best_rotation, fill_cross, inverse
 
 @compiled
 def _spin(r, v, c, first, last, moment, spin):  # type: ignore[no-untyped-def]
-    # Angular velocity of least dissipation: J w = sum c/2 r x v, J = sum c/2 (|r|^2 1 - r r^T); writes J and w.
+    # Angular velocity of least dissipation: J w = sum c/2 r x v, J = sum c/2 (|r|^2 1 - r r^T); writes J and
+    # w.
     moment[:] = 0.0
     angular = np.zeros(3)
     for s in range(first, last):
@@ -76,7 +79,9 @@ def _add_force(x, v, start, member, d, k, c, force):  # type: ignore[no-untyped-
             turning[1] = spin[2] * r[s, 0] - spin[0] * r[s, 2]
             turning[2] = spin[0] * r[s, 1] - spin[1] * r[s, 0]
             for axis in range(3):
-                rotated = rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                rotated = (
+                    rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                )
                 pull = 0.5 * k[s] * (r[s, axis] - rotated) + 0.5 * c[s] * (rate[s, axis] - turning[axis])
                 force[3 * i + axis] += pull
                 force[3 * member[s] + axis] -= pull
@@ -93,7 +98,9 @@ def _energy(x, start, member, d, k):  # type: ignore[no-untyped-def]
         _fit(r, d, k, first, last, rotation)
         for s in range(first, last):
             for axis in range(3):
-                rotated = rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                rotated = (
+                    rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                )
                 total += 0.25 * k[s] * (r[s, axis] - rotated) ** 2
     return total
 
@@ -118,7 +125,9 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
             m, half_k, half_c = s - first, 0.5 * k[s], 0.5 * c[s]
             dot = spin_dot = 0.0
             for axis in range(3):
-                p[axis] = rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                p[axis] = (
+                    rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
+                )
                 dot += p[axis] * (p[axis] if definite else r[s, axis])
                 spin_dot += spin[axis] * r[s, axis]
             for a in range(3):
@@ -164,7 +173,12 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
                     damp = half_c if a == b else 0.0
                     if not definite:
                         stiff -= half_c * cross_spin[a, b]
-                    for row, column, sign in ((m, m, -1.0), (m, centre, 1.0), (centre, m, 1.0), (centre, centre, -1.0)):
+                    for row, column, sign in (
+                        (m, m, -1.0),
+                        (m, centre, 1.0),
+                        (centre, m, 1.0),
+                        (centre, centre, -1.0),
+                    ):
                         by_position[slot[at + row * size + column], a, b] += sign * stiff
                         by_rate[slot[at + row * size + column], a, b] += sign * damp
 
@@ -197,7 +211,9 @@ class CorotationalTerm(Term):
     def _nodes(self, flat: np.ndarray) -> np.ndarray:
         return flat[: 3 * self.n].reshape(-1, 3)
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         _add_force(self._nodes(q), self._nodes(u), self.start, self.member, self.rest, self.k, self.c, force)
 
     def energy(self, time: float, q: np.ndarray) -> float:
@@ -215,7 +231,17 @@ class CorotationalTerm(Term):
     ) -> tuple[np.ndarray, np.ndarray]:
         by_position, by_rate = np.zeros((len(self.pairs), 3, 3)), np.zeros((len(self.pairs), 3, 3))
         _fill_jacobian(
-            self._nodes(q), self._nodes(u), self.start, self.member, self.rest, self.k, self.c, definite,
-            self.slot, self.slot_start, by_position, by_rate,
+            self._nodes(q),
+            self._nodes(u),
+            self.start,
+            self.member,
+            self.rest,
+            self.k,
+            self.c,
+            definite,
+            self.slot,
+            self.slot_start,
+            by_position,
+            by_rate,
         )
         return by_position.ravel(), by_rate.ravel()

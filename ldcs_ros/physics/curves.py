@@ -14,8 +14,8 @@ def smoothstep(share: float) -> tuple[float, float]:
 def arc(along: np.ndarray, kappa: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return x, z [m] of points at arc length `along` [m] on an arc of curvature kappa [1/m], and their d/dkappa.
 
-    x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa; below |kappa s| = 0.1 their series, whose first
-    dropped term is below 1e-13 of the result (the closed form of the derivative loses digits there).
+    x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa; below |kappa s| = 0.1 their series, whose
+    first dropped term is below 1e-13 of the result (the closed form of the derivative loses digits there).
     """
     angle = along * kappa
     small = np.abs(angle) < 0.1

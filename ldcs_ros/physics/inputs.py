@@ -53,7 +53,8 @@ class HeldInputs:
     """Everything commanded, constant or a known function of time until the next command.
 
     Attributes:
-        torque: Drive torque of each joint [N m], shape (n_arms, n_links); None unless the arms are torque-driven.
+        torque: Drive torque of each joint [N m], shape (n_arms, n_links); None unless the arms are torque-
+            driven.
         valves: Pressure course of each arm; empty unless the arms are pressure-driven.
         wrenches: Wrench by frame name.
     """

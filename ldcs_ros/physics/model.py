@@ -34,8 +34,8 @@ class Motion:
 class Model:
     """M(q) q'' = f(t, q, q', inputs) for the free coordinates; the prescribed ones are known functions of time.
 
-    The mass matrix is diagonal for nodes and one small block for each arm. A coordinate, a call and an import exist
-    only for what the scene names.
+    The mass matrix is diagonal for nodes and one small block for each arm. A coordinate, a call and an import
+    exist only for what the scene names.
 
     Args:
         lattice: The lattice.

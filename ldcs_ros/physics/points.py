@@ -18,7 +18,7 @@ NAMED_PLACES = ("centre", "free_edge")
 
 @dataclass(frozen=True)
 class Point:
-    """A point that moves with the sheet: one node, or the mean of a block of nodes (both layers, middle of an even row).
+    """A point that moves with the sheet: a node, or the mean of a block (both layers, middle of an even row).
 
     Its frame turns with the sheet: x along the lattice's x direction there, z along the normal (tangent in x
     times tangent in y), y completing it. At rest it is parallel to `ldcs_base`.
@@ -85,7 +85,8 @@ class Point:
         """Return the nodes of the patch and forces on them [N], shape (n, 3), equivalent to a torque [N m].
 
         Point masses have no rotation of their own, so the torque becomes the forces of least norm with zero
-        sum and that moment: f = alpha x r about the patch's centroid, with (sum |r|^2 1 - r r^T) alpha = torque.
+        sum and that moment: f = alpha x r about the patch's centroid, with (sum |r|^2 1 - r r^T) alpha =
+        torque.
         """
         arm = position[self.patch] - position[self.patch].mean(axis=0)
         inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
@@ -114,7 +115,8 @@ def quaternion(axes: np.ndarray) -> np.ndarray:
 def point_at(lattice: Lattice, place: Any, points: dict[str, Point] | None = None) -> Point:
     """Return the point for a name of `points`, 'node_<layer>_<i>_<j>', or [layer, i, j], with i and j numbers or words.
 
-    `centre` and `free_edge` (or [layer, centre]) name the centre and the middle of the free edge at any resolution.
+    `centre` and `free_edge` (or [layer, centre]) name the centre and the middle of the free edge at any
+    resolution.
 
     Raises:
         ValueError: There is no such place; says which there are.
@@ -135,7 +137,9 @@ def point_at(lattice: Lattice, place: Any, points: dict[str, Point] | None = Non
     nx, ny = lattice.nodes
     if len(place) == 2:
         if place[1] not in NAMED_PLACES:
-            raise ValueError(f"got {place[1]!r}, expected one of {list(NAMED_PLACES)}, or two whole numbers i, j")
+            raise ValueError(
+                f"got {place[1]!r}, expected one of {list(NAMED_PLACES)}, or two whole numbers i, j"
+            )
         columns = _middle(nx) if place[1] == "centre" else (nx - 1,)
         return Point(lattice, layers, columns, _middle(ny))
     for index in place[1:]:

@@ -41,19 +41,31 @@ def quantity(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def choice(default: Any, options: tuple[str, ...], help: str, *, origin: str = "choice of this project") -> Any:
+def choice(
+    default: Any, options: tuple[str, ...], help: str, *, origin: str = "choice of this project"
+) -> Any:
     """Declare a field that holds one of a few words."""
-    return dataclasses.field(default=default, metadata={"options": options, "help": help, "origin": origin, "unit": ""})
+    return dataclasses.field(
+        default=default, metadata={"options": options, "help": help, "origin": origin, "unit": ""}
+    )
 
 
 def place(default: Any, help: str) -> Any:
     """Declare a field that names a point: a point of the scene, or [layer, i, j]."""
-    return dataclasses.field(default=default, metadata={"place": True, "help": help, "unit": "", "origin": "scene"})
+    return dataclasses.field(
+        default=default, metadata={"place": True, "help": help, "unit": "", "origin": "scene"}
+    )
 
 
 def words(default: Any, options: tuple[str, ...], help: str) -> Any:
     """Declare a field that holds a list of different words out of a few."""
-    metadata = {"options": options, "several": True, "help": help, "unit": "", "origin": "choice of this project"}
+    metadata = {
+        "options": options,
+        "several": True,
+        "help": help,
+        "unit": "",
+        "origin": "choice of this project",
+    }
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -87,7 +99,11 @@ def _scalar(value: Any, meta: Any) -> float:
     unit = f" [{meta['unit']}]" if meta["unit"] else ""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         # YAML 1.1 reads 1e-5 as text: say how to write it.
-        hint = " (write 1.0e-5, YAML reads 1e-5 as text)" if isinstance(value, str) and "e" in value.lower() else ""
+        hint = (
+            " (write 1.0e-5, YAML reads 1e-5 as text)"
+            if isinstance(value, str) and "e" in value.lower()
+            else ""
+        )
         raise ValueError(f"got {value!r}, expected a finite number{unit}{hint}")
     if not meta["low"] <= value <= meta["high"]:
         raise ValueError(f"got {value:g}, expected {meta['low']:g} ... {meta['high']:g}{unit}")

@@ -51,20 +51,35 @@ def best_rotation(m, rotation):  # type: ignore[no-untyped-def]
                         n[p, k], n[r, k] = cosine * first - sine * second, sine * first + cosine * second
                     for k in range(4):
                         first, second = vectors[k, p], vectors[k, r]
-                        vectors[k, p], vectors[k, r] = cosine * first - sine * second, sine * first + cosine * second
+                        vectors[k, p], vectors[k, r] = (
+                            cosine * first - sine * second,
+                            sine * first + cosine * second,
+                        )
     largest = 0
     for p in range(1, 4):
         if n[p, p] > n[largest, largest]:
             largest = p
     w, x, y, z = vectors[0, largest], vectors[1, largest], vectors[2, largest], vectors[3, largest]
-    rotation[0, 0], rotation[0, 1], rotation[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    rotation[1, 0], rotation[1, 1], rotation[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    rotation[2, 0], rotation[2, 1], rotation[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    rotation[0, 0], rotation[0, 1], rotation[0, 2] = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+    )
+    rotation[1, 0], rotation[1, 1], rotation[1, 2] = (
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+    )
+    rotation[2, 0], rotation[2, 1], rotation[2, 2] = (
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
 
 
 @compiled
 def inverse(m, out):  # type: ignore[no-untyped-def]
-    """Write the inverse of a symmetric 3 x 3 matrix, by cofactors; a millionth of a millionth of its trace keeps it regular."""
+    """Write the inverse of a symmetric 3 x 3 matrix, by cofactors; 1e-12 of its trace keeps it regular."""
     shift = 1e-12 * (m[0, 0] + m[1, 1] + m[2, 2]) + 1e-300
     a, b, c = m[0, 0] + shift, m[1, 1] + shift, m[2, 2] + shift
     d, e, f = m[0, 1], m[0, 2], m[1, 2]

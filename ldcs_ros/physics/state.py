@@ -16,10 +16,12 @@ class State:
         time: Simulation time [s].
         position: Node positions in ldcs_base [m], shape (n_nodes, 3), order layer, i, j.
         velocity: Node velocities in ldcs_base [m/s], shape (n_nodes, 3).
-        link_angle: Angle of each arm link against x in the XZ plane [rad], shape (n_arms, n_links), left arm first.
+        link_angle: Angle of each arm link against x in the XZ plane [rad], shape (n_arms, n_links), left arm
+            first.
         link_rate: Its time derivative [rad/s], same shape.
         pressure: Gauge pressure of each arm [Pa], shape (n_arms,), or (0,) without a pressure drive.
-        memory: What the simulation needs beside it to go on to the bit (commands, the step under way); opaque.
+        memory: What the simulation needs beside it to go on to the bit (commands, the step under way);
+            opaque.
     """
 
     time: float

@@ -38,7 +38,9 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
         path = shipped[str(source)]
     elif not path.is_file():
         hint = did_you_mean(source, shipped)
-        raise SceneError(f"no scene {str(source)!r}: neither a file nor a shipped scene out of {list(shipped)}.{hint}")
+        raise SceneError(
+            f"no scene {str(source)!r}: neither a file nor a shipped scene out of {list(shipped)}.{hint}"
+        )
     return parse_scene(_read(path), name=path.stem, origin=path.name)
 
 
@@ -62,13 +64,17 @@ def parse_scene(text: str, *, name: str, origin: str) -> Scene:
         return _scene(name, content, text, origin)
     except SceneError as error:
         message = str(error)
-        raise SceneError(message if origin in message else message.replace(" @ ", f" @ {origin}: ", 1)) from error
+        raise SceneError(
+            message if origin in message else message.replace(" @ ", f" @ {origin}: ", 1)
+        ) from error
 
 
 def _read(path: Path) -> str:
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise SceneError(f"{path.name} has {path.stat().st_size} bytes, expected a scene of at most {MOST_BYTES}")
+            raise SceneError(
+                f"{path.name} has {path.stat().st_size} bytes, expected a scene of at most {MOST_BYTES}"
+            )
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"

@@ -39,27 +39,37 @@ SENSORS: dict[str, dict[str, tuple[float, float, float, str]]] = {
 }
 
 
-def check_mapping(value: Any, keys: tuple[str, ...], path: str, *, required: tuple[str, ...] = ()) -> dict[str, Any]:
+def check_mapping(
+    value: Any, keys: tuple[str, ...], path: str, *, required: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """Return a mapping whose keys are all known; SceneError names the first that is not, or is missing."""
     if not isinstance(value, dict):
-        raise SceneError(f"got {_shown(value)}, expected a mapping with keys out of {list(keys)} @ {path or 'the scene'}")
+        raise SceneError(
+            f"got {_shown(value)}, expected a mapping with keys out of {list(keys)} @ {path or 'the scene'}"
+        )
     where = f"{path}." if path else ""
     for key in value:
         if key not in keys:
-            raise SceneError(f"unknown key {key!r}; expected one of {list(keys)}.{did_you_mean(key, keys)} @ {where}{key}")
+            raise SceneError(
+                f"unknown key {key!r}; expected one of {list(keys)}.{did_you_mean(key, keys)} @ {where}{key}"
+            )
     for key in required:
         if key not in value:
             raise SceneError(f"missing key {key!r} @ {path or 'the scene'}")
     return value
 
 
-def check_scalar(value: Any, path: str, *, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
+def check_scalar(
+    value: Any, path: str, *, low: float = -math.inf, high: float = math.inf, unit: str = ""
+) -> float:
     """Return a finite number within its bounds."""
     field = dataclasses.field(metadata={"unit": unit, "low": low, "high": high, "length": None})
     return float(_located(lambda: check_number(value, field), path))
 
 
-def check_vector(value: Any, length: int, path: str, *, unit: str = "", low: float = -math.inf) -> tuple[float, ...]:
+def check_vector(
+    value: Any, length: int, path: str, *, unit: str = "", low: float = -math.inf
+) -> tuple[float, ...]:
     """Return a tuple of finite numbers."""
     if not isinstance(value, (list, tuple)) or len(value) != length:
         raise SceneError(f"got {_shown(value)}, expected a list of {length} numbers [{unit}] @ {path}")
@@ -71,10 +81,14 @@ def check_lattice(value: Any, path: str) -> Lattice:
     block = check_mapping(value, ("size", "nodes", "mass"), path, required=("size", "nodes", "mass"))
     size = check_vector(block["size"], 3, f"{path}.size", unit="m", low=1e-6)
     nodes = block["nodes"]
-    if not isinstance(nodes, (list, tuple)) or len(nodes) != 2 or any(
-        isinstance(n, bool) or not isinstance(n, int) or not 2 <= n <= MOST_NODES for n in nodes
+    if (
+        not isinstance(nodes, (list, tuple))
+        or len(nodes) != 2
+        or any(isinstance(n, bool) or not isinstance(n, int) or not 2 <= n <= MOST_NODES for n in nodes)
     ):
-        raise SceneError(f"got {_shown(nodes)}, expected two whole numbers of 2 ... {MOST_NODES} nodes @ {path}.nodes")
+        raise SceneError(
+            f"got {_shown(nodes)}, expected two whole numbers of 2 ... {MOST_NODES} nodes @ {path}.nodes"
+        )
     mass = check_scalar(block["mass"], f"{path}.mass", low=1e-9, high=1e6, unit="kg")
     return Lattice((size[0], size[1], size[2]), (nodes[0], nodes[1]), mass)
 
@@ -88,7 +102,9 @@ def check_points(value: Any, lattice: Lattice, path: str) -> dict[str, Point]:
         if not isinstance(name, str) or not name.isidentifier():
             raise SceneError(f"got the name {name!r}, expected letters, digits and underscores @ {path}")
         if name.startswith("node_") or name.endswith("_aligned"):
-            raise SceneError(f"the name {name!r} is taken by the frames of wrenches; choose another @ {path}.{name}")
+            raise SceneError(
+                f"the name {name!r} is taken by the frames of wrenches; choose another @ {path}.{name}"
+            )
         points[name] = _located(lambda place=place: point_at(lattice, place), f"{path}.{name}")
     return points
 
@@ -105,7 +121,8 @@ def check_effects(value: Any, lattice: Lattice, points: dict[str, Point], path: 
         name = block["type"]
         if name not in EFFECTS:
             raise SceneError(
-                f"unknown effect {name!r}; expected one of {sorted(EFFECTS)}.{did_you_mean(name, EFFECTS)} @ {where}.type"
+                f"unknown effect {name!r}; expected one of {sorted(EFFECTS)}."
+                f"{did_you_mean(name, EFFECTS)} @ {where}.type"
             )
         if name not in REPEATABLE and any(effect.name == name for effect in effects):
             raise SceneError(f"the effect {name!r} occurs twice; name it once @ {where}.type")
@@ -145,12 +162,16 @@ def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
         check_mapping(block, ("time", "torque", "pressure", "wrench"), where, required=("time",))
         time = check_scalar(block["time"], f"{where}.time", low=0.0, unit="s")
         if commands and time < commands[-1].time:
-            raise SceneError(f"got {time:g} s after {commands[-1].time:g} s, expected times in order @ {where}.time")
+            raise SceneError(
+                f"got {time:g} s after {commands[-1].time:g} s, expected times in order @ {where}.time"
+            )
         if len(block) == 1:
             raise SceneError(f"nothing is commanded; name torque, pressure or wrench @ {where}")
         wrench = None
         if "wrench" in block:
-            part = check_mapping(block["wrench"], ("frame", "force", "torque"), f"{where}.wrench", required=("frame",))
+            part = check_mapping(
+                block["wrench"], ("frame", "force", "torque"), f"{where}.wrench", required=("frame",)
+            )
             force = check_vector(part.get("force", [0.0] * 3), 3, f"{where}.wrench.force", unit="N")
             torque = check_vector(part.get("torque", [0.0] * 3), 3, f"{where}.wrench.torque", unit="N m")
             wrench = (str(part["frame"]), (force[0], force[1], force[2]), (torque[0], torque[1], torque[2]))
@@ -158,7 +179,9 @@ def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
     return tuple(commands)
 
 
-def check_sensors(value: Any, lattice: Lattice, points: dict[str, Point], path: str) -> dict[str, dict[str, Any]]:
+def check_sensors(
+    value: Any, lattice: Lattice, points: dict[str, Point], path: str
+) -> dict[str, dict[str, Any]]:
     """Return each sensor's parameters with defaults filled in."""
     block = check_mapping(value, tuple(SENSORS), path)
     sensors: dict[str, dict[str, Any]] = {}
@@ -170,7 +193,9 @@ def check_sensors(value: Any, lattice: Lattice, points: dict[str, Point], path: 
         if extra:
             tracked = given.get("points", list(points))
             if not isinstance(tracked, list) or len(set(map(str, tracked))) != len(tracked):
-                raise SceneError(f"got {_shown(tracked)}, expected a list of different points @ {where}.points")
+                raise SceneError(
+                    f"got {_shown(tracked)}, expected a list of different points @ {where}.points"
+                )
             for item in tracked:
                 _located(lambda item=item: point_at(lattice, item, points), f"{where}.points")
             values["points"] = tuple(tracked)
@@ -188,13 +213,18 @@ def check_solver(value: Any, path: str) -> Solver:
     names = ("auto", *INTEGRATORS)
     if integrator not in names:
         raise SceneError(
-            f"unknown integrator {integrator!r}; expected one of {list(names)}.{did_you_mean(integrator, names)} @ {path}.integrator"
+            f"unknown integrator {integrator!r}; expected one of {list(names)}."
+            f"{did_you_mean(integrator, names)} @ {path}.integrator"
         )
     if "dt" not in block:
-        accuracy = check_scalar(block.get("accuracy", 1e-5), f"{path}.accuracy", low=1e-10, high=1e-2, unit="m")
+        accuracy = check_scalar(
+            block.get("accuracy", 1e-5), f"{path}.accuracy", low=1e-10, high=1e-2, unit="m"
+        )
         return Solver(integrator, accuracy, None)
     if "accuracy" in block or integrator == "auto":
-        raise SceneError(f"a fixed dt goes with a named integrator and without accuracy; drop one of them @ {path}.dt")
+        raise SceneError(
+            f"a fixed dt goes with a named integrator and without accuracy; drop one of them @ {path}.dt"
+        )
     return Solver(integrator, None, check_scalar(block["dt"], f"{path}.dt", low=1e-9, high=1.0, unit="s"))
 
 

@@ -1,8 +1,10 @@
 """One physical effect a file. How to add one:
 
-1. Write `effects/<name>.py`: a frozen dataclass `<Name>(Effect)` with `name = '<name>'` and SI fields, and its term.
+1. Write `effects/<name>.py`: a frozen dataclass `<Name>(Effect)` with `name = '<name>'` and SI fields, and
+   its term.
 2. Add its line to `EFFECTS` below; the scene keys, `ldcs effects` and the bounds follow from its fields.
-3. Run `pytest test/physics`: every effect of the table is checked, force against energy, Jacobian against force.
+3. Run `pytest test/physics`: every effect of the table is checked, force against energy, Jacobian against
+   force.
 4. Ship or extend a scene that shows it, with a test that asserts one number.
 
 The table holds names, not classes, so that a scene imports only the effects that it names.

@@ -21,10 +21,10 @@ DRIVES = ("torque", "pressure", "curvature")
 class Arms(Effect):
     """Two arms along the edges y_max (left) and y_min (right), moving in the XZ plane (paper, section II, Figure 3).
 
-    Each is a chain of equal links with torsional springs and dampers at its joints. At the base and at the end
-    of each link a massless crosspiece as long as the sheet is thick is joined to the sheet's bottom and top nodes
-    by coupling springs; where a station falls between two columns of nodes it holds the point between them.
-    Every number without a source is not printed in the paper: identify it, do not trust it.
+    Each is a chain of equal links with torsional springs and dampers at its joints. At the base and at the
+    end of each link a massless crosspiece as long as the sheet is thick is joined to the sheet's bottom and
+    top nodes by coupling springs; where a station falls between two columns of nodes it holds the point
+    between them. Every number without a source is not printed in the paper: identify it, do not trust it.
 
     Attributes:
         drive: What drives the joints: torque, pressure (through a valve) or prescribed curvature.
@@ -35,7 +35,8 @@ class Arms(Effect):
         joint_damping: Damping of such a joint [N m s/rad].
         base_joint_share: Part of a link length that the base joint stands for: its stiffness and damping are
             divided by it; 0.5 puts the stations of a uniformly bent arm on its arc.
-        crosspiece: Direction of the crosspieces: perpendicular to the link that ends there, or to the bisector of
+        crosspiece: Direction of the crosspieces: perpendicular to the link that ends there, or to the
+            bisector of
             the links that meet there.
         coupling_stiffness: Stiffness of each coupling spring [N/m].
         coupling_damping: Coefficient of each coupling damper [N s/m].
@@ -53,47 +54,93 @@ class Arms(Effect):
     name: ClassVar[str] = "arms"
     drive: str = choice("torque", DRIVES, "what drives the joints", origin="paper, section II: torques")
     links: int = quantity(4, "", "links of each arm", low=1, high=64, origin="paper, section II")
-    link_mass: float = quantity(0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; scene example")
+    link_mass: float = quantity(
+        0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; scene example"
+    )
     link_inertia: float = quantity(
-        5e-7, "kg m^2", "inertia of each link about its centre", low=0.0, high=1e3,
+        5e-7,
+        "kg m^2",
+        "inertia of each link about its centre",
+        low=0.0,
+        high=1e3,
         origin="not printed; uniform rod of 5 g and 35 mm, m l^2 / 12",
     )
     joint_stiffness: float = quantity(
-        0.34, "N m/rad", "torsional stiffness a link length", low=0.0, high=1e6, origin="not printed; prototype fit"
+        0.34,
+        "N m/rad",
+        "torsional stiffness a link length",
+        low=0.0,
+        high=1e6,
+        origin="not printed; prototype fit",
     )
     joint_damping: float = quantity(
-        0.02, "N m s/rad", "torsional damping a link length", low=0.0, high=1e6,
+        0.02,
+        "N m s/rad",
+        "torsional damping a link length",
+        low=0.0,
+        high=1e6,
         origin="not printed; the surface's own c/k = 1/16 s",
     )
     base_joint_share: float = quantity(
-        0.5, "", "part of a link length that the base joint stands for", low=1e-3, high=1e3,
+        0.5,
+        "",
+        "part of a link length that the base joint stands for",
+        low=1e-3,
+        high=1e3,
         origin="geometry: joint angles (1/2, 1, 1, 1) theta lie on the arc",
     )
     crosspiece: str = choice(
-        "link", ("link", "bisector"), "what crosspieces are perpendicular to", origin="paper, section II: each main link"
+        "link",
+        ("link", "bisector"),
+        "what crosspieces are perpendicular to",
+        origin="paper, section II: each main link",
     )
     coupling_stiffness: float = quantity(
-        8000.0, "N/m", "stiffness of each coupling spring", low=0.0, high=1e10,
+        8000.0,
+        "N/m",
+        "stiffness of each coupling spring",
+        low=0.0,
+        high=1e10,
         origin="not printed; 'stiffer than the surface's', here 100 times",
     )
     coupling_damping: float = quantity(
-        500.0, "N s/m", "coefficient of each coupling damper", low=0.0, high=1e10,
+        500.0,
+        "N s/m",
+        "coefficient of each coupling damper",
+        low=0.0,
+        high=1e10,
         origin="not printed; the surface's own c/k = 1/16 s",
     )
-    width: int = quantity(0, "", "cells an arm covers across the sheet", low=0, high=64, origin="paper: border lines only")
+    width: int = quantity(
+        0, "", "cells an arm covers across the sheet", low=0, high=64, origin="paper: border lines only"
+    )
     torque_limit: float = quantity(2.0, "N m", "largest commanded joint torque", low=0.0, high=1e6)
     pressure_gain: float = quantity(
-        1.0e-6, "N m/Pa", "joint torque for a gauge pressure", low=0.0, high=1.0,
+        1.0e-6,
+        "N m/Pa",
+        "joint torque for a gauge pressure",
+        low=0.0,
+        high=1.0,
         origin="not printed; 0.14 N m at 1.4 bar, prototype fit",
     )
     pressure_limit: float = quantity(
-        200e3, "Pa", "largest commanded gauge pressure", low=0.0, high=1e7, origin="paper uses 140 kPa; margin of 1.4"
+        200e3,
+        "Pa",
+        "largest commanded gauge pressure",
+        low=0.0,
+        high=1e7,
+        origin="paper uses 140 kPa; margin of 1.4",
     )
     fill_time: float = quantity(0.15, "s", "time constant of rising pressure", low=0.0, high=1e3)
     vent_time: float = quantity(0.10, "s", "time constant of falling pressure", low=0.0, high=1e3)
     dead_time: float = quantity(0.0, "s", "delay of the valve's answer", low=0.0, high=10.0)
     curvature: float = quantity(
-        8.695652173913043, "1/m", "final curvature of drive 'curvature'", low=-1e3, high=1e3, origin="paper: r = 0.115 m"
+        8.695652173913043,
+        "1/m",
+        "final curvature of drive 'curvature'",
+        low=-1e3,
+        high=1e3,
+        origin="paper: r = 0.115 m",
     )
     rise_time: float = quantity(1.0, "s", "duration of its smooth rise", low=1e-6, high=1e6)
 
@@ -134,13 +181,18 @@ class ArmsTerm(Term):
         lattice, links = assembly.lattice, self.n_links
         nx, ny = lattice.nodes
         arm_of, station, offset, row_y, nodes, weight = [], [], [], [], [], []
-        for side, rows in enumerate((range(ny - 1, ny - 2 - self.arms.width, -1), range(self.arms.width + 1))):
+        for side, rows in enumerate(
+            (range(ny - 1, ny - 2 - self.arms.width, -1), range(self.arms.width + 1))
+        ):
             for s in range(links + 1):
                 column, remainder = divmod(s * (nx - 1), links)
                 share = remainder / links
                 for j in rows:
                     for level, sign in ((0, -0.5), (1, 0.5)):
-                        near, far = lattice.node(level, column, j), lattice.node(level, min(column + 1, nx - 1), j)
+                        near, far = (
+                            lattice.node(level, column, j),
+                            lattice.node(level, min(column + 1, nx - 1), j),
+                        )
                         arm_of.append(side)
                         station.append(s)
                         offset.append(sign * lattice.size[2])
@@ -155,8 +207,15 @@ class ArmsTerm(Term):
                 turn[s] = 0.0
                 turn[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
         self.couplings = (
-            np.array(arm_of), np.array(station), np.array(offset), np.array(row_y),
-            np.array(nodes), np.array(weight), turn, self.arms.coupling_stiffness, self.arms.coupling_damping,
+            np.array(arm_of),
+            np.array(station),
+            np.array(offset),
+            np.array(row_y),
+            np.array(nodes),
+            np.array(weight),
+            turn,
+            self.arms.coupling_stiffness,
+            self.arms.coupling_damping,
         )
 
     def angles(self, flat: np.ndarray) -> np.ndarray:
@@ -185,14 +244,25 @@ class ArmsTerm(Term):
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return the mass matrix of each arm's link angles [kg m^2], shape (2, n_links, n_links)."""
         matrix = np.empty((2, self.n_links, self.n_links))
-        arm.fill_inertia(self.angles(q), self.arms.link_mass, self.arms.link_inertia, self.link_length, matrix)
+        arm.fill_inertia(
+            self.angles(q), self.arms.link_mass, self.arms.link_inertia, self.link_length, matrix
+        )
         return matrix
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         phi, rate, torque = self.angles(q), self.angles(u), self.angles(force)
         arm.add_chain_force(
-            phi, rate, self.arms.link_mass, self.link_length, self.gravity, self.stiffness, self.damping,
-            self.drive_torque(time, inputs), torque,
+            phi,
+            rate,
+            self.arms.link_mass,
+            self.link_length,
+            self.gravity,
+            self.stiffness,
+            self.damping,
+            self.drive_torque(time, inputs),
+            torque,
         )
         arm.add_coupling_force(q, u, phi, rate, self.link_length, *self.couplings, force, torque)
 
@@ -208,7 +278,15 @@ class ArmsTerm(Term):
         place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
         for c in range(len(arm_of)):
             arm.crosspiece_end(
-                phi[arm_of[c]], np.zeros(n), length, station[c], turn[station[c]], offset[c], place, speed, slope
+                phi[arm_of[c]],
+                np.zeros(n),
+                length,
+                station[c],
+                turn[station[c]],
+                offset[c],
+                place,
+                speed,
+                slope,
             )
             gap = weight[c] @ x[nodes[c]] - np.array([place[0], row_y[c], place[1]])
             total += 0.5 * stiffness * float(gap @ gap)
@@ -229,7 +307,9 @@ class ArmsTerm(Term):
         both = np.broadcast_arrays(
             node[:, :, None, None] + np.arange(3), node[:, None, :, None] + np.arange(3)
         )
-        mixed = np.broadcast_arrays(node[:, :, None, None] + np.array([0, 2])[:, None], angle[arm_of][:, None, None, :])
+        mixed = np.broadcast_arrays(
+            node[:, :, None, None] + np.array([0, 2])[:, None], angle[arm_of][:, None, None, :]
+        )
         coupled = np.broadcast_arrays(angle[arm_of][:, :, None], angle[arm_of][:, None, :])
         pairs = [chain, both, mixed, mixed[::-1], coupled]
         rows = np.concatenate([np.ravel(pair[0]) for pair in pairs])
@@ -243,8 +323,16 @@ class ArmsTerm(Term):
         phi, rate = self.angles(q), self.angles(u)
         chain, chain_rate = np.zeros((2, n, n)), np.zeros((2, n, n))
         arm.fill_chain_jacobian(
-            phi, rate, self.arms.link_mass, self.link_length, self.gravity, self.stiffness, self.damping, definite,
-            chain, chain_rate,
+            phi,
+            rate,
+            self.arms.link_mass,
+            self.link_length,
+            self.gravity,
+            self.stiffness,
+            self.damping,
+            definite,
+            chain,
+            chain_rate,
         )
         shapes = [(count, 2, 2, 3), (count, 2, 2, n), (count, 2, 2, n), (count, n, n)]
         blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
@@ -259,5 +347,3 @@ class ArmsTerm(Term):
 def joint_names(links: int) -> tuple[str, ...]:
     """Return the joints' names, left arm first, base to tip."""
     return tuple(f"{side}_joint_{k + 1}" for side in ARM_NAMES for k in range(links))
-
-

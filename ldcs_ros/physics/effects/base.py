@@ -84,7 +84,9 @@ class Term:
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         """Write the prescribed coordinates and rates at a time into q and u."""
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         """Add the effect's force [N, N m] to the flat vector `force`."""
 
     def energy(self, time: float, q: np.ndarray) -> float:

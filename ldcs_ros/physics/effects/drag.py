@@ -14,7 +14,7 @@ from ldcs_ros.physics.quantity import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Drag(Effect):
-    """Quadratic drag, f_i = -1/2 rho C_d A_i |v_i| v_i, with A_i the node's part of the sheet's area, half a layer each.
+    """Quadratic drag, f_i = -1/2 rho C_d A_i |v_i| v_i, A_i half of its part of a layer's area.
 
     Attributes:
         density: Density of the medium rho [kg/m^3].
@@ -23,7 +23,9 @@ class Drag(Effect):
 
     name: ClassVar[str] = "drag"
     density: float = quantity(1.2, "kg/m^3", "density of the medium", low=0.0, high=2e4, origin="air at 20 C")
-    coefficient: float = quantity(1.2, "", "drag coefficient", low=0.0, high=100.0, origin="flat plate across the flow")
+    coefficient: float = quantity(
+        1.2, "", "drag coefficient", low=0.0, high=100.0, origin="flat plate across the flow"
+    )
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the drag of all nodes."""
@@ -40,7 +42,9 @@ class DragTerm(Term):
         self.scale = scale
         self.count = len(scale)
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         v = u[: 3 * self.count].reshape(-1, 3)
         speed = np.sqrt(np.einsum("ij,ij->i", v, v))
         force[: 3 * self.count] -= ((self.scale * speed)[:, None] * v).ravel()

@@ -27,7 +27,9 @@ class DrivenEdges(Effect):
 
     name: ClassVar[str] = "driven_edges"
     edges: tuple[str, ...] = words(("y_min", "y_max"), ("y_min", "y_max"), "which side edges")
-    curvature: float = quantity(REQUIRED, "1/m", "final curvature", low=-1e3, high=1e3, origin="paper: r = 0.115 m")
+    curvature: float = quantity(
+        REQUIRED, "1/m", "final curvature", low=-1e3, high=1e3, origin="paper: r = 0.115 m"
+    )
     rise_time: float = quantity(1.0, "s", "duration of the smooth rise", low=1e-6, high=1e6)
 
     def bind(self, assembly: Assembly) -> Term:
@@ -60,6 +62,7 @@ class DrivenEdgesTerm(Term):
         sine, cosine = np.sin(angle), np.cos(angle)
         q[self.driven] = np.stack([x - height * sine, across, z + height * cosine], axis=1)
         rate = np.stack(
-            [x_by_kappa - height * along * cosine, np.zeros_like(along), z_by_kappa - height * along * sine], axis=1
+            [x_by_kappa - height * along * cosine, np.zeros_like(along), z_by_kappa - height * along * sine],
+            axis=1,
         )
         u[self.driven] = kappa_rate * rate

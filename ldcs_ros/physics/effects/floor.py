@@ -24,14 +24,22 @@ class Floor(Effect):
     """
 
     name: ClassVar[str] = "floor"
-    height: float = quantity(REQUIRED, "m", "z of the plane in ldcs_base", low=-10.0, high=10.0, origin="scene")
+    height: float = quantity(
+        REQUIRED, "m", "z of the plane in ldcs_base", low=-10.0, high=10.0, origin="scene"
+    )
     stiffness: float = quantity(1000.0, "N/m", "contact stiffness of a node", low=0.0, high=1e8)
-    damping: float = quantity(10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4)
+    damping: float = quantity(
+        10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4
+    )
     onset: float = quantity(1e-4, "m", "penetration over which stiffness sets in", low=1e-9, high=0.1)
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the contact of all nodes with the plane."""
         return PlaneContact(
-            self.name, np.arange(assembly.lattice.n_nodes),
-            height=self.height, stiffness=self.stiffness, damping=self.damping, onset=self.onset,
+            self.name,
+            np.arange(assembly.lattice.n_nodes),
+            height=self.height,
+            stiffness=self.stiffness,
+            damping=self.damping,
+            onset=self.onset,
         )

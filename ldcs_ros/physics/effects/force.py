@@ -41,7 +41,9 @@ class ForceTerm(Term):
     def __init__(self, where: np.ndarray, value: np.ndarray) -> None:
         self.where, self.value = where, value
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         force[self.where] += self.value
 
     def energy(self, time: float, q: np.ndarray) -> float:

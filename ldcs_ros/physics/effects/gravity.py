@@ -22,7 +22,12 @@ class Gravity(Effect):
 
     name: ClassVar[str] = "gravity"
     acceleration: tuple[float, float, float] = quantity(
-        (0.0, 0.0, -9.81), "m/s^2", "acceleration in ldcs_base", low=-1e3, high=1e3, length=3,
+        (0.0, 0.0, -9.81),
+        "m/s^2",
+        "acceleration in ldcs_base",
+        low=-1e3,
+        high=1e3,
+        length=3,
         origin="paper: 40 g weigh 0.39 N",
     )
 
@@ -39,7 +44,9 @@ class GravityTerm(Term):
     def __init__(self, assembly: Assembly, acceleration: np.ndarray) -> None:
         self.weight = (assembly.node_mass[:, None] * acceleration).ravel()
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         force[: self.weight.size] += self.weight
 
     def energy(self, time: float, q: np.ndarray) -> float:

@@ -32,9 +32,15 @@ class Springs(Effect):
     """
 
     name: ClassVar[str] = "springs"
-    law: str = choice("axial", LAWS, "spring law", origin="PHYSICS: only axial and corotational can give Table I")
-    stiffness: float = quantity(80.0, "N/m", "stiffness of each spring", low=0.0, high=1e9, origin="paper, section III")
-    damping: float = quantity(5.0, "N s/m", "coefficient of each damper", low=0.0, high=1e9, origin="paper, section III")
+    law: str = choice(
+        "axial", LAWS, "spring law", origin="PHYSICS: only axial and corotational can give Table I"
+    )
+    stiffness: float = quantity(
+        80.0, "N/m", "stiffness of each spring", low=0.0, high=1e9, origin="paper, section III"
+    )
+    damping: float = quantity(
+        5.0, "N s/m", "coefficient of each damper", low=0.0, high=1e9, origin="paper, section III"
+    )
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the term of the chosen law."""
@@ -81,7 +87,9 @@ class AxialTerm(SpringTerm):
         self.rest_length = lattice.rest_length
         self.rest_axis = lattice.rest_vector / lattice.rest_length[:, None]
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         axial.add_force(q, u, self.a, self.b, self.rest_length, self.rest_axis, self.k, self.c, force)
 
     def energy(self, time: float, q: np.ndarray) -> float:
@@ -96,7 +104,18 @@ class AxialTerm(SpringTerm):
         by_position = np.zeros((n_nodes + 2 * n_springs, 3, 3))
         by_rate = np.zeros((n_nodes + 2 * n_springs, 3, 3))
         axial.fill_jacobian(
-            q, u, self.a, self.b, self.rest_length, self.rest_axis, self.k, self.c, definite, n_nodes, by_position, by_rate
+            q,
+            u,
+            self.a,
+            self.b,
+            self.rest_length,
+            self.rest_axis,
+            self.k,
+            self.c,
+            definite,
+            n_nodes,
+            by_position,
+            by_rate,
         )
         return by_position.ravel(), by_rate.ravel()
 
@@ -119,10 +138,14 @@ class AxiswiseTerm(SpringTerm):
         self.damping_matrix = laplacian(self.c)
         self.rest = lattice.rest_position
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         n = 3 * self.lattice.n_nodes
         displacement = q[:n].reshape(-1, 3) - self.rest
-        force[:n] += (self.stiffness_matrix @ displacement + self.damping_matrix @ u[:n].reshape(-1, 3)).ravel()
+        force[:n] += (
+            self.stiffness_matrix @ displacement + self.damping_matrix @ u[:n].reshape(-1, 3)
+        ).ravel()
 
     def energy(self, time: float, q: np.ndarray) -> float:
         displacement = q[: 3 * self.lattice.n_nodes].reshape(-1, 3) - self.rest

@@ -28,10 +28,14 @@ class Support(Effect):
     """
 
     name: ClassVar[str] = "support"
-    length: float = quantity(1.0 / 3.0, "", "part of the sheet's length", low=0.0, high=1.0, origin="paper, section IV.A")
+    length: float = quantity(
+        1.0 / 3.0, "", "part of the sheet's length", low=0.0, high=1.0, origin="paper, section IV.A"
+    )
     width: int = quantity(1, "", "cells from each side edge that lie on a plate", low=0, high=64)
     stiffness: float = quantity(1000.0, "N/m", "contact stiffness of a node", low=0.0, high=1e8)
-    damping: float = quantity(10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4)
+    damping: float = quantity(
+        10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4
+    )
     onset: float = quantity(1e-4, "m", "penetration over which stiffness sets in", low=1e-9, high=0.1)
 
     def bind(self, assembly: Assembly) -> Term:
@@ -43,6 +47,10 @@ class Support(Effect):
         rows = np.array([j for j in range(ny) if min(j, ny - 1 - j) <= self.width])
         nodes = lattice.index[0][np.ix_(columns, rows)].ravel()
         return PlaneContact(
-            self.name, nodes,
-            height=-0.5 * lattice.size[2], stiffness=self.stiffness, damping=self.damping, onset=self.onset,
+            self.name,
+            nodes,
+            height=-0.5 * lattice.size[2],
+            stiffness=self.stiffness,
+            damping=self.damping,
+            onset=self.onset,
         )

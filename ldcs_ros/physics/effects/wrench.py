@@ -19,9 +19,9 @@ ALIGNED = "_aligned"
 class WrenchInput(Effect):
     """Accepts wrenches from the topic `external_wrench`, from schedules and from Python.
 
-    A frame is a point's name (`P0`, `node_top_8_4`): origin and axes move and turn with the sheet; or the same with
-    `_aligned`: that origin, axes of ldcs_base. The force is shared by the point's nodes; the torque becomes the
-    least forces of zero sum on the nodes around it.
+    A frame is a point's name (`P0`, `node_top_8_4`): origin and axes move and turn with the sheet; or the
+    same with `_aligned`: that origin, axes of ldcs_base. The force is shared by the point's nodes; the torque
+    becomes the least forces of zero sum on the nodes around it.
 
     Attributes:
         force_limit: Largest magnitude of a force [N]; above it a command is refused.
@@ -40,8 +40,9 @@ class WrenchInput(Effect):
 class WrenchTerm(Term):
     """Sum of the held wrenches; their work is an input, so there is no energy.
 
-    The Jacobian leaves out how a following frame turns its wrench: at 1 N that is about 1 N over 20 mm against
-    springs of 80 N/m each, and a Newton iteration with the exact force still converges to the exact answer.
+    The Jacobian leaves out how a following frame turns its wrench: at 1 N that is about 1 N over 20 mm
+    against springs of 80 N/m each, and a Newton iteration with the exact force still converges to the exact
+    answer.
     """
 
     name = WrenchInput.name
@@ -65,7 +66,9 @@ class WrenchTerm(Term):
         axes = np.eye(3) if aligned else point.frame(position)
         return axes @ np.array(wrench.force), axes @ np.array(wrench.torque)
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+    ) -> None:
         position = q[: 3 * self._lattice.n_nodes].reshape(-1, 3)
         for name, wrench in inputs.wrenches.items():
             point, _ = self.frame(name)
