@@ -16,9 +16,27 @@ The data flow:
 
 from __future__ import annotations
 
-from ldcs_ros.scene import Scene, load_scene, shipped_scenes
-from ldcs_ros.simulation import Simulation
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ldcs_ros.scene import Scene, load_scene, shipped_scenes
+    from ldcs_ros.simulation import Simulation
 
 __version__ = "0.1.0"
 
 __all__ = ["Scene", "Simulation", "__version__", "load_scene", "shipped_scenes"]
+
+_HOMES = {
+    "Scene": "ldcs_ros.scene",
+    "load_scene": "ldcs_ros.scene",
+    "shipped_scenes": "ldcs_ros.scene",
+    "Simulation": "ldcs_ros.simulation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded at first use, so that `ldcs --help` does not wait for numpy.
+    if name not in _HOMES:
+        raise AttributeError(f"module 'ldcs_ros' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

@@ -115,7 +115,7 @@ class FixedSteps:
     def advance(self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float) -> tuple[Step, Pace]:
         """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken."""
         h, clipped = (
-            (stop - motion.time, True) if motion.time + self.h * (1 + 1e-9) >= stop else (self.h, False)
+            (stop - motion.time, True) if motion.time + self.h * (1 + 1e-6) >= stop else (self.h, False)
         )
         try:
             step = self.integrator.step(motion, inputs, h)

@@ -152,16 +152,16 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
         at = slot_start[i]
         for m in range(size):
             left_arm, left_lever = arm[m] @ back_g, lever[m] @ back_j
-            for l in range(size):
-                place = slot[at + m * size + l]
+            for o in range(size):
+                place = slot[at + m * size + o]
                 for a in range(3):
                     for b in range(3):
                         soften = damp = 0.0
                         for e in range(3):
-                            soften += left_arm[a, e] * arm[l, b, e]
-                            damp += left_lever[a, e] * lever[l, b, e]
+                            soften += left_arm[a, e] * arm[o, b, e]
+                            damp += left_lever[a, e] * lever[o, b, e]
                             if not definite:
-                                soften -= left_lever[a, e] * twist[l, e, b]
+                                soften -= left_lever[a, e] * twist[o, e, b]
                         by_position[place, a, b] += soften
                         by_rate[place, a, b] += damp
         centre = size - 1

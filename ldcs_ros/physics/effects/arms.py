@@ -55,7 +55,7 @@ class Arms(Effect):
     drive: str = choice("torque", DRIVES, "what drives the joints", origin="paper, section II: torques")
     links: int = quantity(4, "", "links of each arm", low=1, high=64, origin="paper, section II")
     link_mass: float = quantity(
-        0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; scene example"
+        0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; light against the sheet"
     )
     link_inertia: float = quantity(
         5e-7,
@@ -71,7 +71,7 @@ class Arms(Effect):
         "torsional stiffness a link length",
         low=0.0,
         high=1e6,
-        origin="not printed; prototype fit",
+        origin="not printed; lifts the loaded sheet by 0.05 m",
     )
     joint_damping: float = quantity(
         0.02,
@@ -121,7 +121,7 @@ class Arms(Effect):
         "joint torque for a gauge pressure",
         low=0.0,
         high=1.0,
-        origin="not printed; 0.14 N m at 1.4 bar, prototype fit",
+        origin="not printed; 0.14 N m at 1.4 bar",
     )
     pressure_limit: float = quantity(
         200e3,

@@ -33,7 +33,7 @@ class Springs(Effect):
 
     name: ClassVar[str] = "springs"
     law: str = choice(
-        "axial", LAWS, "spring law", origin="PHYSICS: only axial and corotational can give Table I"
+        "axial", LAWS, "spring law", origin="only laws along a spring's own axis can give the paper's Table I"
     )
     stiffness: float = quantity(
         80.0, "N/m", "stiffness of each spring", low=0.0, high=1e9, origin="paper, section III"
