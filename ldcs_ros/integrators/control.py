@@ -90,11 +90,7 @@ class AdaptiveSteps:
         if clipped and not rejected:
             grown = max(grown, pace.h)
         if clipped:
-            step = Step(
-                step.left,
-                Motion(_landing(step.right.time, stop), step.right.q, step.right.u, step.right.a),
-                step.error,
-            )
+            step = _landed(step, stop)
         return step, Pace(min(grown, LARGEST_STEP), ratio)
 
 
@@ -125,9 +121,12 @@ class FixedSteps:
                 f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {h:g} s of "
                 f"{self.integrator.name} failed: {failure}; reduce dt or use 'integrator: auto'"
             ) from failure
-        if clipped:
-            step = Step(step.left, Motion(stop, step.right.q, step.right.u, step.right.a), step.error)
-        return step, pace
+        return _landed(step, stop if clipped else self._tick(step.right.time)), pace
+
+    def _tick(self, time: float) -> float:
+        # Times on the grid of whole steps are exact multiples: a thousand additions do not drift.
+        tick = round(time / self.h) * self.h
+        return tick if abs(time - tick) <= 1e-6 * self.h else time
 
 
 def _fit(time: float, h: float, stop: float) -> tuple[float, bool]:
@@ -138,6 +137,7 @@ def _fit(time: float, h: float, stop: float) -> tuple[float, bool]:
     return (0.5 * left, False) if 2.0 * h > left else (h, False)
 
 
-def _landing(time: float, stop: float) -> float:
-    # A clipped step aims at the stop; rounding in time + h must not leave it a hair off.
-    return stop if abs(time - stop) <= 1e-12 * max(1.0, abs(stop)) else time
+def _landed(step: Step, time: float) -> Step:
+    # The step aimed at this time; rounding in time + h must not leave it a hair off.
+    right = step.right
+    return Step(step.left, Motion(time, right.q, right.u, right.a), step.error)

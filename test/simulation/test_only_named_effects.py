@@ -1,0 +1,91 @@
+"""Nothing that a scene does not name is built: no effect, no coordinate, no import."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from ldcs_ros import load_scene
+from ldcs_ros.physics.effects import EFFECTS
+
+PROGRAM = """
+import json, sys
+from ldcs_ros import load_scene
+simulation = load_scene(json.loads(sys.argv[1])).build()
+simulation.advance_to(0.05)
+print(json.dumps({"modules": sorted(sys.modules), "effects": simulation.effects}))
+"""
+SHEET = {"size": [0.14, 0.14, 0.01], "nodes": [5, 5], "mass": 0.16}
+FOREIGN = ("rclpy", "rosbags", "mcap", "matplotlib")
+
+
+def _run(effects):
+    scene = {"lattice": SHEET, "points": {"P1": ["mid", "free_edge"]}, "effects": effects}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, json.dumps(scene)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [{"type": "springs"}, {"type": "clamp"}],
+        [{"type": "springs", "law": "axiswise"}, {"type": "gravity"}, {"type": "clamp"}],
+        [{"type": "springs"}, {"type": "clamp"}, {"type": "arms"}],
+        [
+            {"type": "springs"},
+            {"type": "payload", "at": "P1", "mass": 0.04},
+            {"type": "floor", "height": -0.1},
+        ],
+    ],
+    ids=lambda effects: "+".join(effect["type"] for effect in effects),
+)
+def test_a_run_imports_the_named_effects_and_no_other(effects):
+    names = [effect["type"] for effect in effects]
+    report = _run(effects)
+    prefix = "ldcs_ros.physics.effects."
+    loaded = {module.removeprefix(prefix) for module in report["modules"] if module.startswith(prefix)}
+    assert report["effects"] == names
+    assert loaded - {"base"} == set(names)
+    assert "ldcs_ros.physics.corotational" not in report["modules"]
+    if "arms" not in names:
+        assert "ldcs_ros.physics.arm" not in report["modules"]
+    assert not [module for module in report["modules"] if module.split(".")[0] in FOREIGN]
+
+
+def _build(*names, **keys):
+    blocks = {"clamp": {}, "springs": {}, "gravity": {}, "wrench": {}, "arms": keys}
+    return load_scene(
+        {"lattice": SHEET, "effects": [{"type": name, **blocks[name]} for name in names]}
+    ).build()
+
+
+def test_the_state_is_as_long_as_the_scene_needs():
+    free = _build("springs")
+    clamped = _build("springs", "clamp")
+    assert len(free.model.free) == free.model.n_coordinates == 3 * 50
+    assert len(clamped.model.free) == 3 * (50 - 10)
+    assert free.state.link_angle.size == free.state.pressure.size == 0
+    torque, pressure = _build("springs", "arms", drive="torque"), _build("springs", "arms", drive="pressure")
+    assert torque.model.n_coordinates == 3 * 50 + 8
+    assert torque.state.link_angle.shape == (2, 4) and torque.state.pressure.size == 0
+    assert pressure.state.pressure.shape == (2,)
+    # A prescribed arm has no degree of freedom.
+    assert len(_build("springs", "arms", drive="curvature").model.free) == 3 * 50
+
+
+def test_a_term_stands_for_each_named_effect_and_nothing_else():
+    names = ("springs", "gravity", "clamp", "wrench")
+    simulation = _build(*names)
+    assert tuple(term.name for term in simulation.model.terms) == simulation.effects == names
+
+
+def test_the_table_of_effects_is_imported_by_name_only():
+    assert all(isinstance(home, str) and ":" in home for home in EFFECTS.values())
