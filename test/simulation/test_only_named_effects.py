@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+
 from ldcs_ros import load_scene
 from ldcs_ros.physics.effects import EFFECTS
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError, DivergenceError, SceneError
 from ldcs_ros.integrators.base import StepFailure
