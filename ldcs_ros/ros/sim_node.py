@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from ldcs_ros import load_scene
-from ldcs_ros.errors import LdcsError, RecordingError
+from ldcs_ros.errors import DivergenceError, LdcsError, RecordingError
 from ldcs_ros.interface.recorder import Recorder
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.interface.watchdog import Watchdog
@@ -33,6 +33,7 @@ from ldcs_ros.ros.transport import Transport
 
 NODE_NAME = "ldcs_sim"
 DEFAULT_NAMESPACE = "/ldcs"
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 DIAGNOSTICS_PERIOD = 1.0
 # How long a thread may hold the interpreter while another one, with a deadline, waits for it [s].
 _SWITCH_INTERVAL = 5e-4
@@ -133,7 +134,7 @@ class SimulationNode(LifecycleNode):
             "timeout": self._value("command_timeout"),
             "wrench_timeout": self._value("wrench_timeout"),
         }
-        return Twin(
+        twin = Twin(
             load_scene(self._value("scene")),
             seed=None if self._value("seed") < 0 else self._value("seed"),
             accuracy=self._value("accuracy") or None,
@@ -146,6 +147,8 @@ class SimulationNode(LifecycleNode):
             publish_clock=self._value("publish_clock"),
             publish_tf="tf2_msgs" in used,
         )
+        _warm_up(twin)
+        return twin
 
     def _start(self, twin: Twin) -> None:
         factor, rate = self._value("real_time_factor"), self._value("publish_rate")
@@ -243,6 +246,10 @@ def main(arguments: list[str] | None = None) -> int:
         node.stop()
         node.destroy_node()
         rclpy.try_shutdown()
+        # The interpreter would hand the signals back to the system while it ends: a second Ctrl-C would kill
+        # it.
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _spin(node: SimulationNode, stop: threading.Event) -> int:
@@ -258,12 +265,21 @@ def _spin(node: SimulationNode, stop: threading.Event) -> int:
     return 0
 
 
+def _warm_up(twin: Twin) -> None:
+    # Kernels are compiled or loaded at their first use: before the clock runs, not in its first period.
+    try:
+        twin.simulation.advance_to(1.0 / twin.publish_rate)
+    except DivergenceError:
+        pass  # it will diverge again when the clock runs, and be told then
+    twin.reset()
+
+
 def _stop_on_signals(stop: threading.Event) -> None:
     # Ctrl-C under make or ros2 run may come twice: the first one stops, the second must not cut that short.
     def handle(number: int, frame: FrameType | None) -> None:
         stop.set()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in STOP_SIGNALS:
         signal.signal(number, handle)
 
 
