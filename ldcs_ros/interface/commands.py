@@ -20,9 +20,15 @@ REASONS = (
     "over limit",
     "unknown frame",
     "unknown joint",
+    "unknown arm",
+    "out of order",
     "effect absent",
     "vented",
 )
+
+
+_NO_PRESSURE_DRIVE = "the arms of this scene are not driven by pressure; load one with drive: pressure"
+_NO_TORQUE_DRIVE = "the arms of this scene are not driven by torque; load one with drive: torque"
 
 
 class Refusal(CommandError):
@@ -55,7 +61,9 @@ class Commands:
             "pressure_command": self._pressure,
             "torque_command": self._torque,
             "external_wrench": self._wrench,
+            "arm_command": self._arms,
         }
+        self._last_sequence = -1
         self.accepted: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
@@ -85,10 +93,7 @@ class Commands:
     def _pressure(self, message: Any) -> None:
         inputs, arms = self._simulation.inputs, self._simulation.arm_names
         if inputs.pressure is None:
-            raise Refusal(
-                "effect absent",
-                "the arms of this scene are not driven by pressure; load one with drive: pressure",
-            )
+            raise Refusal("effect absent", _NO_PRESSURE_DRIVE)
         values = np.asarray(message.data, dtype=float)
         if values.size not in (1, len(arms)):
             expected = f"1 or {len(arms)} ({', '.join(arms)}) [Pa]"
@@ -99,10 +104,7 @@ class Commands:
     def _torque(self, message: Any) -> None:
         inputs, known = self._simulation.inputs, list(self._simulation.joint_names)
         if inputs.torque is None:
-            raise Refusal(
-                "effect absent",
-                "the arms of this scene are not driven by torque; load one with drive: torque",
-            )
+            raise Refusal("effect absent", _NO_TORQUE_DRIVE)
         names, values = list(message.name), np.asarray(message.effort, dtype=float)
         if not names or len(names) != values.size:
             raise Refusal(
@@ -118,6 +120,34 @@ class Commands:
         for name, value in zip(names, values, strict=True):
             torque.flat[known.index(name)] = value
         _within_limits(inputs.set_torque, torque)
+
+    def _arms(self, message: Any) -> None:
+        inputs, known = self._simulation.inputs, list(self._simulation.arm_names)
+        names = list(message.arms)
+        if message.sequence <= self._last_sequence:
+            raise Refusal("out of order", f"got number {message.sequence} after {self._last_sequence}")
+        if any(name not in known for name in names):
+            raise Refusal("unknown arm", f"got {names}, expected names out of {known}")
+        if not names or len(set(names)) != len(names):
+            raise Refusal("wrong size", f"got arms {names}, expected one or more, each once")
+        if bool(message.pressures.size) == bool(message.torques.size):
+            raise Refusal("wrong size", "got both or neither of pressures and torques, expected one of them")
+        rows = [known.index(name) for name in names]
+        if message.pressures.size:
+            if inputs.pressure is None:
+                raise Refusal("effect absent", _NO_PRESSURE_DRIVE)
+            _check_finite(message.pressures, "pressures [Pa]")
+            _within_limits(inputs.set_pressure, _replaced(inputs.pressure, rows, message.pressures))
+        else:
+            if inputs.torque is None:
+                raise Refusal("effect absent", _NO_TORQUE_DRIVE)
+            _check_finite(message.torques, "torques [N m]")
+            _within_limits(inputs.set_torque, _replaced(inputs.torque, rows, message.torques))
+        self._last_sequence = message.sequence
+
+    def start_over(self) -> None:
+        """Take numbered commands from any number on, as after a reset or when somebody rearms."""
+        self._last_sequence = -1
 
     def _wrench(self, message: Any) -> None:
         simulation, frame = self._simulation, message.header.frame_id
@@ -138,6 +168,19 @@ def _decode(topic: str, cdr: bytes) -> Any:
         return decode(TOPICS[topic].type, cdr)
     except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
         raise Refusal("malformed", f"not a {TOPICS[topic].type} ({error!r})") from error
+
+
+def _replaced(present: np.ndarray, rows: list[int], values: np.ndarray) -> np.ndarray:
+    # One value an arm, or one a joint, arm after arm; arms that are not named keep what they have.
+    changed = np.array(present, dtype=float)
+    if values.size == len(rows):
+        changed[rows] = values.reshape(len(rows), *(1,) * (changed.ndim - 1))
+    elif values.size == changed[rows].size:
+        changed[rows] = values.reshape(changed[rows].shape)
+    else:
+        expected = f"{len(rows)} or {changed[rows].size}" if changed.ndim > 1 else f"{len(rows)}"
+        raise Refusal("wrong size", f"got {values.size} values for {len(rows)} arms, expected {expected}")
+    return changed
 
 
 def _components(vector: Any) -> tuple[float, float, float]:

@@ -45,10 +45,7 @@ class Recorder:
         self._custom_data = {**run_description(twin), **(custom_data or {})}
         self._first_folder = Path(folder)
         self._resets = 0
-        # Markers are for viewers, who can draw them from `nodes`; they would fill most of the bag.
-        self._names = {
-            name: self._absolute(name) for name, topic in twin.topics.items() if not topic.on_demand
-        }
+        self._names = {name: self._absolute(name) for name, topic in twin.topics.items() if topic.recorded}
         self._writer = self._open(self._first_folder)
 
     @property

@@ -22,6 +22,7 @@ class Topic:
         transient_local: The last messages are kept for those who come late.
         depth: Length of the queue.
         on_demand: Built only while somebody listens.
+        recorded: Put into bags.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Topic:
     transient_local: bool = False
     depth: int = 10
     on_demand: bool = False
+    recorded: bool = True
 
 
 _ALL = (
@@ -43,6 +45,14 @@ _ALL = (
     ),
     Topic(
         "torque_command", "sensor_msgs/msg/JointState", "in", "joint torques [N m] in effort, by joint name"
+    ),
+    # It amounts to pressures or torques and is recorded as those: bags hold nothing but standard types.
+    Topic(
+        "arm_command",
+        "ldcs_msgs/msg/ArmCommand",
+        "in",
+        "stamped, numbered: gauge pressures [Pa] or torques [N m] by the name of the arm",
+        recorded=False,
     ),
     Topic(
         "external_wrench",
@@ -87,13 +97,22 @@ _ALL = (
         "out",
         "measured pressure [Pa], absolute as the type defines",
     ),
-    Topic("surface", "visualization_msgs/msg/Marker", "out", "triangle mesh of the sheet", on_demand=True),
+    # Markers are for viewers, who can draw them from `nodes`; they would fill most of a bag.
+    Topic(
+        "surface",
+        "visualization_msgs/msg/Marker",
+        "out",
+        "triangle mesh of the sheet",
+        on_demand=True,
+        recorded=False,
+    ),
     Topic(
         "loads",
         "visualization_msgs/msg/MarkerArray",
         "out",
         "arrows of the forces on the sheet",
         on_demand=True,
+        recorded=False,
     ),
     Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "out", "health of the twin at 1 Hz"),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "out", "simulation time", depth=1),

@@ -12,7 +12,7 @@ import numpy as np
 from ldcs_ros.interface import messages
 from ldcs_ros.interface.cdr import nanoseconds
 from ldcs_ros.interface.commands import Commands, Refusal
-from ldcs_ros.interface.diagnostics import OK, WARN, Status, diagnostic_array
+from ldcs_ros.interface.diagnostics import Status, diagnostic_array, twin_statuses
 from ldcs_ros.interface.outputs import Outputs
 from ldcs_ros.interface.topics import TOPICS, Topic
 from ldcs_ros.interface.vent import RAMP_TIME, VentRamp
@@ -20,7 +20,7 @@ from ldcs_ros.interface.watchdog import Watchdog
 from ldcs_ros.sensors import PressureSensor, PressureSensorParameters, Ticks, Tracker, TrackerParameters
 
 Sink = Callable[[str, str, bytes, int], None]
-ARM_COMMANDS = ("pressure_command", "torque_command")
+ARM_COMMANDS = ("pressure_command", "torque_command", "arm_command")
 
 
 class Twin:
@@ -90,6 +90,7 @@ class Twin:
             publish_tf=publish_tf,
         )
         self._diagnostics = diagnostics
+        self._ramp: VentRamp | None = None
         self.topics: dict[str, Topic] = {**self._outputs.topics, "/diagnostics": TOPICS["/diagnostics"]}
         self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}
         self._start()
@@ -153,7 +154,10 @@ class Twin:
             self.watchdog.feed()
         else:
             self.watchdog.feed_wrench(message.header.frame_id)
-        self.emit(TOPICS[topic], cdr, nanoseconds(self.time))
+        if topic == "arm_command":
+            self._emit_arm_command()
+        else:
+            self.emit(TOPICS[topic], cdr, nanoseconds(self.time))
         return None
 
     def check_watchdog(self) -> bool:
@@ -177,38 +181,19 @@ class Twin:
 
     def rearm(self) -> bool:
         """Accept commands for the arms again; return whether the watchdog had tripped."""
+        self.commands.start_over()
         return self.watchdog.rearm()
 
     def reset(self) -> None:
         """Back to the scene's start: state, inputs, sensors and their noise; counters stay."""
         self.simulation.reset()
         self.watchdog.forget()
+        self.commands.start_over()
         self._start()
 
     def statuses(self) -> list[Status]:
         """Return the health of solver, commands and watchdog."""
-        statistics = self.simulation.statistics
-        refused = sum(self.commands.refused.values())
-        counts = {f"refused, {reason}": count for reason, count in sorted(self.commands.refused.items())}
-        return [
-            Status("solver", OK, "running", statistics.as_dict()),
-            Status(
-                "commands",
-                OK,
-                self.commands.last_refusal or "none refused",
-                {"accepted": sum(self.commands.accepted.values()), "refused": refused, **counts},
-            ),
-            Status(
-                "watchdog",
-                WARN if self.watchdog.tripped else OK,
-                "tripped: arms vented, call rearm" if self.watchdog.tripped else self.watchdog.state,
-                {
-                    "command_timeout [s]": self.watchdog.timeout,
-                    "wrench_timeout [s]": self.watchdog.wrench_timeout,
-                    "trips": self.watchdog.trips,
-                },
-            ),
-        ]
+        return twin_statuses(self.simulation.statistics.as_dict(), self.commands, self.watchdog)
 
     def emit_diagnostics(self, owner: str, statuses: Iterable[Status]) -> None:
         """Emit /diagnostics with these entries, stamped with the present time."""
@@ -235,8 +220,9 @@ class Twin:
         start = self.time = self.simulation.time
         self._reports = Ticks.starting_at(self.publish_rate, start)
         self._health = Ticks.starting_at(1.0, start)
-        self._ramp: VentRamp | None = None
-        self._tracker = self._pressure_sensor = None
+        self._ramp = None
+        self._tracker: Tracker | None = None
+        self._pressure_sensor: PressureSensor | None = None
         if (tracker := self.tracker_parameters) is not None:
             self._tracker = Tracker(tracker, self._generator(0, tracker.seed), start)
         if (pressure := self.pressure_parameters) is not None:
@@ -260,17 +246,23 @@ class Twin:
     def _continue_vent(self) -> None:
         if self._ramp is None:
             return
-        value, now = self._ramp.at(self.time), nanoseconds(self.time)
-        inputs = self.simulation.inputs
+        value, inputs = self._ramp.at(self.time), self.simulation.inputs
         if inputs.pressure is not None:
-            inputs.set_pressure(tuple(value.tolist()))
-            self.emit(TOPICS["pressure_command"], messages.pressure_command(value), now)
+            inputs.set_pressure(value)
         else:
             inputs.set_torque(value)
-            names = self.simulation.joint_names
-            self.emit(TOPICS["torque_command"], messages.torque_command(now, names, value), now)
+        self._emit_arm_command()
         if self._ramp.is_over(self.time):
             self._ramp = None
+
+    def _emit_arm_command(self) -> None:
+        # What the arms are commanded, in standard types, so that any bag can be replayed without ours.
+        inputs, now = self.simulation.inputs, nanoseconds(self.time)
+        if inputs.pressure is not None:
+            self.emit(TOPICS["pressure_command"], messages.pressure_command(inputs.pressure), now)
+        else:
+            torque = messages.torque_command(now, self.simulation.joint_names, inputs.torque)
+            self.emit(TOPICS["torque_command"], torque, now)
 
     def _clear_wrench(self, frame: str) -> None:
         self._move(self.time)

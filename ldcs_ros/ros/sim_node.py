@@ -125,7 +125,9 @@ class SimulationNode(LifecycleNode):
 
     def _build_twin(self) -> Twin:
         present = installed()
-        used = {"tf2_msgs"} if self._value("publish_tf") and present["tf2_msgs"] else set()
+        used = {name for name in ("ldcs_msgs",) if present[name]}
+        if self._value("publish_tf") and present["tf2_msgs"]:
+            used.add("tf2_msgs")
         self._interfaces = interface_states(present, used)
         missing = missing_line(present)
         if missing:
@@ -156,7 +158,7 @@ class SimulationNode(LifecycleNode):
             twin,
             Pacer(factor, tolerance=1.0 / (rate * abs(factor))),
             duration=self._value("duration"),
-            on_failure=lambda reason: self.get_logger().error(f"{reason}; paused, call reset"),
+            on_failure=self._tell_failure,
             on_finish=self.finished.set,
             on_reset=self._start_bag_over,
         )
@@ -192,6 +194,9 @@ class SimulationNode(LifecycleNode):
         except RecordingError as error:
             self._recording_error = str(error)
             self.get_logger().error(f"not recording: {error}")
+
+    def _tell_failure(self, reason: str) -> None:
+        self.get_logger().error(f"{reason}; paused, call reset")
 
     def _watch_recorder(self) -> None:
         # A full disk ends the recording, not the run; it is said once, and in every diagnostics message.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
@@ -29,9 +30,14 @@ class Transport:
         self._subscriptions: list[Subscription[Any]] = []
 
     def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> None:
-        """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`."""
+        """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`.
+
+        Topics whose message package is not installed are left out.
+        """
         overrides = QoSOverridingOptions.with_default_policies()
         for topic in topics:
+            if find_spec(topic.type.split("/")[0]) is None:
+                continue
             kind, qos = message_type(topic.type), _qos(topic)
             if topic.direction == "out":
                 self._publishers[topic.name] = self._node.create_publisher(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fake_scene import RailScene
 
-from ldcs_ros.interface.cdr import decode
+from ldcs_ros.interface.cdr import decode, encode, header, message_class
 from ldcs_ros.interface.messages import pressure_command, torque_command, wrench_command
 
 
@@ -122,3 +122,61 @@ def test_a_stored_command_is_what_the_messages_module_writes():
     message = decode("geometry_msgs/msg/WrenchStamped", cdr)
     assert message.header.frame_id == "P1"
     assert (message.wrench.force.z, message.wrench.torque.x) == (3.0, 4.0)
+
+
+def arms(sequence, names, *, pressures=(), torques=()):
+    message = message_class("ldcs_msgs/msg/ArmCommand")(
+        header=header(0, ""),
+        sequence=sequence,
+        arms=list(names),
+        pressures=np.array(pressures, dtype=float),
+        torques=np.array(torques, dtype=float),
+    )
+    return encode(message)
+
+
+def test_an_arm_command_names_its_arms_and_is_recorded_as_what_it_amounts_to(run):
+    twin, collected = run()
+    assert twin.receive("arm_command", arms(1, ["right"], pressures=[5e4])) is None
+    assert twin.receive("arm_command", arms(2, ["right", "left"], pressures=[6e4, 7e4])) is None
+    assert twin.simulation.inputs.pressure.tolist() == [7e4, 6e4]
+    assert [decode(m[1], m[2]).data.tolist() for m in collected] == [[0.0, 5e4], [7e4, 6e4]]
+    assert not collected.on("arm_command")
+
+
+def test_an_arm_command_gives_torques_by_arm_or_by_joint(run):
+    twin, _ = run(RailScene(drive="torque"))
+    assert twin.receive("arm_command", arms(1, ["right"], torques=[0.5])) is None
+    assert twin.receive("arm_command", arms(2, ["left"], torques=[0.1, 0.2])) is None
+    assert twin.simulation.inputs.torque.tolist() == [[0.1, 0.2], [0.5, 0.5]]
+
+
+@pytest.mark.parametrize(
+    ("cdr", "reason"),
+    [
+        (arms(5, ["left"], pressures=[1.0]), "out of order"),
+        (arms(6, ["middle"], pressures=[1.0]), "unknown arm"),
+        (arms(6, [], pressures=[1.0]), "wrong size"),
+        (arms(6, ["left", "left"], pressures=[1.0, 2.0]), "wrong size"),
+        (arms(6, ["left"], pressures=[1.0, 2.0]), "wrong size"),
+        (arms(6, ["left"]), "wrong size"),
+        (arms(6, ["left"], pressures=[1.0], torques=[1.0]), "wrong size"),
+        (arms(6, ["left"], torques=[1.0]), "effect absent"),
+        (arms(6, ["left"], pressures=[math.nan]), "not a number"),
+        (arms(6, ["left"], pressures=[9e9]), "over limit"),
+    ],
+)
+def test_a_bad_arm_command_changes_nothing(run, cdr, reason):
+    twin, _ = run()
+    assert twin.receive("arm_command", arms(5, ["left"], pressures=[1e4])) is None
+    assert twin.receive("arm_command", cdr).startswith(reason)
+    assert twin.simulation.inputs.pressure.tolist() == [1e4, 0.0]
+    assert twin.receive("arm_command", arms(6, ["left"], pressures=[2e4])) is None
+
+
+def test_a_sender_that_starts_again_is_heard_after_rearming(run):
+    twin, _ = run()
+    twin.receive("arm_command", arms(50, ["left"], pressures=[1e4]))
+    assert twin.receive("arm_command", arms(1, ["left"], pressures=[1e4])).startswith("out of order")
+    twin.rearm()
+    assert twin.receive("arm_command", arms(1, ["left"], pressures=[1e4])) is None

@@ -158,3 +158,11 @@ def test_diagnostics_tell_the_truth_about_optional_interfaces(rig):
     for package in ("tf2_msgs", "simulation_interfaces", "ldcs_msgs", "launch"):
         assert told[package].startswith("not installed") == (find_spec(package) is None)
     assert rig.diagnostics("recorder")["message"] == "off"
+
+
+def test_an_arm_command_of_the_interface_package_is_understood(rig):
+    ldcs_msgs = pytest.importorskip("ldcs_msgs.msg", reason="the interface package is not built")
+    sender = rig.publisher("/ldcs/arm_command", ldcs_msgs.ArmCommand)
+    accepted = int(rig.diagnostics("commands")["accepted"])
+    sender.publish(ldcs_msgs.ArmCommand(sequence=1, arms=["left"], pressures=[9.0e4]))
+    rig.until(lambda: int(rig.diagnostics("commands")["accepted"]) == accepted + 1)
