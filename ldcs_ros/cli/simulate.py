@@ -105,19 +105,22 @@ class Outcome:
     Attributes:
         preparation: Wall time before the run: building, and compiling or loading kernels [s].
         wall_time: Wall time of the run with messages and recording [s].
+        simulated: Simulation time that went by [s].
         interrupted: Somebody asked it to end early.
     """
 
     preparation: float
     wall_time: float
+    simulated: float
     interrupted: bool
 
 
 def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -> Outcome:
     began = time.perf_counter()
     if arguments.settle:
-        twin.simulation.settle()
-    end = twin.time + (arguments.duration or 0.0)
+        twin.settle()
+    start = twin.time
+    end = start + (arguments.duration or 0.0)
     quiet = arguments.json or arguments.duration is None
     with Interruption() as interruption, Progress(end, label=str(twin.scene.name), quiet=quiet) as progress:
         while twin.next_time <= end and not interruption.requested:
@@ -125,7 +128,7 @@ def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -
             progress.show(twin.time)
         if not interruption.requested:
             twin.advance_to(end)
-    return Outcome(prepared_in, time.perf_counter() - began, interruption.requested)
+    return Outcome(prepared_in, time.perf_counter() - began, twin.time - start, interruption.requested)
 
 
 def _warm_up(twin: Twin) -> None:
@@ -155,7 +158,7 @@ def _report(
         name: 1e3 * (point.position(simulation.state.position) - point.position(rest))
         for name, point in simulation.points.items()
     }
-    ran = twin.time > 0.0
+    ran = outcome.simulated > 0.0
     return {
         "scene": scene.name,
         "title": scene.title,
@@ -165,12 +168,13 @@ def _report(
         "error_estimate": statistics.error_estimate,
         "settled": arguments.settle,
         "time": twin.time,
+        "simulated": outcome.simulated,
         "interrupted": outcome.interrupted,
         "statistics": statistics.as_dict(),
         "preparation_time": outcome.preparation,
         "wall_time": outcome.wall_time,
-        "real_time_factor": twin.time / outcome.wall_time if ran else None,
-        "solver_real_time_factor": twin.time / statistics.wall_time if ran else None,
+        "real_time_factor": outcome.simulated / outcome.wall_time if ran else None,
+        "solver_real_time_factor": outcome.simulated / statistics.wall_time if ran else None,
         "displacement_mm": moved,
         "bag": None if recorder is None else str(recorder.folder),
         "messages": None if recorder is None else recorder.count,
@@ -191,7 +195,7 @@ def _print(report: dict[str, Any], *, as_json: bool) -> None:
         ("integrator", f"{report['integrator']}, {asked}"),
         *(
             _run_lines(report)
-            if report["time"] > 0.0
+            if report["simulated"] > 0.0
             else [("rest state", f"found in {report['wall_time']:.3f} s")]
         ),
         (
@@ -215,7 +219,7 @@ def _run_lines(report: dict[str, Any]) -> list[tuple[str, str]]:
     whole, alone = report["real_time_factor"], report["solver_real_time_factor"]
     return [
         ("estimated error", f"{report['error_estimate']:.1e} m"),
-        ("simulated", f"{report['time']:.3f} s{rest} in {steps}"),
+        ("simulated", f"{report['simulated']:.3f} s{rest} in {steps}"),
         ("wall time", f"{report['wall_time']:.3f} s, {whole:.3g} times real time"),
         ("solver alone", f"{counts['wall_time']:.3f} s, {alone:.3g} times real time"),
     ]

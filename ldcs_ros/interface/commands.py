@@ -160,7 +160,10 @@ class Commands:
             simulation.pose(frame.removesuffix("_aligned"))
         except (ValueError, KeyError) as error:
             raise Refusal("unknown frame", str(error)) from error
-        _within_limits(simulation.inputs.set_wrench, frame, force=force, torque=torque)
+        if any(force) or any(torque):
+            _within_limits(simulation.inputs.set_wrench, frame, force=force, torque=torque)
+        else:
+            simulation.inputs.clear_wrench(frame)
 
 
 def _decode(topic: str, cdr: bytes) -> Any:

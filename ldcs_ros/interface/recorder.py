@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from ldcs_ros import recording
 from ldcs_ros.interface.topics import Topic
@@ -42,7 +41,7 @@ class Recorder:
     ) -> None:
         self._twin = twin
         self._namespace = namespace.rstrip("/")
-        self._custom_data = {**run_description(twin), **(custom_data or {})}
+        self._custom_data = {**run_description(twin), "namespace": self._namespace, **(custom_data or {})}
         self._first_folder = Path(folder)
         self._resets = 0
         self._names = {name: self._absolute(name) for name, topic in twin.topics.items() if topic.recorded}
@@ -101,16 +100,18 @@ def run_description(twin: Twin) -> dict[str, str]:
         "accuracy": "" if twin.accuracy is None else repr(twin.accuracy),
         "publish_rate": repr(twin.publish_rate),
         "tracker_rate": "" if twin.tracker_parameters is None else repr(twin.tracker_parameters.rate),
+        "ambient_pressure": repr(twin.ambient_pressure),
+        "publish_clock": str(twin.publish_clock).lower(),
+        "publish_tf": str(twin.publish_tf).lower(),
+        "settled": str(twin.settled).lower(),
         "ldcs_ros": _version(),
         "python": platform.python_version(),
-        "numpy": np.__version__,
+        **{library: metadata.version(library) for library in ("numpy", "scipy", "numba")},
         "platform": platform.platform(),
     }
 
 
 def _version() -> str:
-    from importlib import metadata
-
     try:
         return metadata.version("ldcs_ros")
     except metadata.PackageNotFoundError:

@@ -47,6 +47,7 @@ class Twin:
     Attributes:
         simulation: The simulation.
         time: Time up to which everything has been emitted [s].
+        settled: It began in the rest state.
         topics: Every topic that may be emitted or received, by relative name.
         commands: Counters of accepted and refused commands.
         watchdog: The watchdog; its owner calls `check_watchdog`.
@@ -73,6 +74,10 @@ class Twin:
         self.seed = seed
         self.accuracy = accuracy
         self.publish_rate = publish_rate
+        self.ambient_pressure = ambient_pressure
+        self.publish_clock = publish_clock
+        self.publish_tf = publish_tf
+        self.settled = False
         self.sinks = list(sinks)
         self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
         self.watchdog = watchdog or Watchdog(wall.monotonic)
@@ -133,8 +138,12 @@ class Twin:
         """
         while self.next_time <= seconds:
             self.advance_to_next()
-        self._move(seconds)
-        self.time = max(self.time, seconds)
+        # Behind the last event time rests on whole nanoseconds, so that a command's log time is exactly when
+        # it acted.
+        rest = nanoseconds(seconds) / 1e9
+        if self.time < rest < self.next_time:
+            self._move(rest)
+            self.time = rest
 
     def advance_to_report(self) -> None:
         """Go on to the next report of the state, exactly one publish period after the last."""
@@ -184,9 +193,20 @@ class Twin:
         self.commands.start_over()
         return self.watchdog.rearm()
 
+    def settle(self) -> None:
+        """Begin anew in the rest state, at the time at which schedule and rises are over.
+
+        Raises:
+            DivergenceError: There is no rest state; nothing changed.
+        """
+        self.simulation.settle()
+        self.settled = True
+        self._start()
+
     def reset(self) -> None:
         """Back to the scene's start: state, inputs, sensors and their noise; counters stay."""
         self.simulation.reset()
+        self.settled = False
         self.watchdog.forget()
         self.commands.start_over()
         self._start()

@@ -36,7 +36,7 @@ class RailInputs:
         self.wrenches[frame] = SimpleNamespace(force=force, torque=torque)
 
     def clear_wrench(self, frame):
-        del self.wrenches[frame]
+        self.wrenches.pop(frame, None)
 
 
 class RailSimulation:
