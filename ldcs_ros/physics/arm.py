@@ -1,11 +1,11 @@
 """Kernels of the arms: chain dynamics in absolute link angles, joints, and the coupling of crosspieces to the sheet.
 
-A chain of n equal links of length l in a plane y = const; phi_i is the angle of link i against x, positive
-towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
+A chain of n links of equal mass and of lengths l_i in a plane y = const; phi_i is the angle of link i against
+x, positive towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
 
-    p_s = p_0 + sum_{k<=s} l e(phi_k)                                  station s at the end of link s
-    M_ij = m l^2 w_ij cos(phi_i - phi_j) + I d_ij                      w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
-    sum_j M_ij phi_j'' = Q_i - sum_j m l^2 w_ij sin(phi_i - phi_j) phi_j'^2
+    p_s = p_0 + sum_{k<=s} l_k e(phi_k)                                station s at the end of link s
+    M_ij = m l_i l_j w_ij cos(phi_i - phi_j) + I d_ij                  w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
+    sum_j M_ij phi_j'' = Q_i - sum_j m l_i l_j w_ij sin(phi_i - phi_j) phi_j'^2
 
 the Lagrangian equations of a serial chain with uniform links (adapted from Giri and Walker's arm: input
 torques at the joints instead of muscles; paper, section II and Figure 3).
@@ -20,13 +20,13 @@ from ldcs_ros.physics.compiled import compiled
 
 @compiled
 def fill_inertia(phi, mass, inertia, length, matrix):  # type: ignore[no-untyped-def]
-    """Write the mass matrix of each arm, shape (n_arms, n, n) [kg m^2]."""
+    """Write the mass matrix of each arm, shape (n_arms, n, n) [kg m^2]; length holds each link's, shape (n,) [m]."""
     n_arms, n = phi.shape
     for arm in range(n_arms):
         for i in range(n):
             for j in range(n):
                 weight = n - 1 - max(i, j) + (0.25 if i == j else 0.5)
-                matrix[arm, i, j] = mass * length**2 * weight * np.cos(phi[arm, i] - phi[arm, j])
+                matrix[arm, i, j] = mass * length[i] * length[j] * weight * np.cos(phi[arm, i] - phi[arm, j])
             matrix[arm, i, i] += inertia
 
 
@@ -40,12 +40,13 @@ def add_chain_force(phi, rate, mass, length, gravity, stiffness, damping, torque
     for arm in range(n_arms):
         for i in range(n):
             sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
-            force[arm, i] += mass * length * (n - i - 0.5) * (gravity[2] * cosine - gravity[0] * sine)
+            force[arm, i] += mass * length[i] * (n - i - 0.5) * (gravity[2] * cosine - gravity[0] * sine)
             for j in range(n):
                 if j != i:
                     weight = n - 1 - max(i, j) + 0.5
                     difference = phi[arm, i] - phi[arm, j]
-                    force[arm, i] -= mass * length**2 * weight * np.sin(difference) * rate[arm, j] ** 2
+                    lever = mass * length[i] * length[j] * weight
+                    force[arm, i] -= lever * np.sin(difference) * rate[arm, j] ** 2
             bend, bend_rate = phi[arm, i], rate[arm, i]
             if i > 0:
                 bend -= phi[arm, i - 1]
@@ -66,11 +67,11 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
         for i in range(n):
             sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
             if not definite:
-                slope = -mass * length * (n - i - 0.5) * (gravity[2] * sine + gravity[0] * cosine)
+                slope = -mass * length[i] * (n - i - 0.5) * (gravity[2] * sine + gravity[0] * cosine)
                 by_angle[arm, i, i] += slope
                 for j in range(n):
                     if j != i:
-                        weight = mass * length**2 * (n - 1 - max(i, j) + 0.5)
+                        weight = mass * length[i] * length[j] * (n - 1 - max(i, j) + 0.5)
                         difference = phi[arm, i] - phi[arm, j]
                         by_angle[arm, i, i] -= weight * np.cos(difference) * rate[arm, j] ** 2
                         by_angle[arm, i, j] += weight * np.cos(difference) * rate[arm, j] ** 2
@@ -84,27 +85,29 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def crosspiece_end(phi, rate, length, station, turn, offset, place, speed, slope):  # type: ignore[no-untyped-def]
+def crosspiece_end(phi, rate, base, length, station, turn, offset, place, speed, slope):  # type: ignore[no-untyped-def]
     """Write place (x, z) [m], speed (x, z) [m/s] of a crosspiece's end and slope = d(place)/d(phi), shape (n, 2).
 
     turn holds the share of each link angle in the crosspiece's own angle, shape (n,); offset is the end's
-    signed distance from the backbone [m]. The arm's base is at the origin. Returns the crosspiece's angle
-    [rad].
+    signed distance from the backbone [m]. base is where the first link begins (x, z) [m]; station 0 stays
+    above x = 0, where the sheet begins. Returns the crosspiece's angle [rad].
     """
     n = phi.size
     angle = 0.0
     for k in range(n):
         angle += turn[k] * phi[k]
-    place[0], place[1] = -offset * np.sin(angle), offset * np.cos(angle)
+    place[0], place[1] = -offset * np.sin(angle), base[1] + offset * np.cos(angle)
+    if station > 0:
+        place[0] += base[0]
     speed[0], speed[1] = 0.0, 0.0
     for k in range(n):
         slope[k, 0] = -offset * turn[k] * np.cos(angle)
         slope[k, 1] = -offset * turn[k] * np.sin(angle)
         if k < station:
-            place[0] += length * np.cos(phi[k])
-            place[1] += length * np.sin(phi[k])
-            slope[k, 0] -= length * np.sin(phi[k])
-            slope[k, 1] += length * np.cos(phi[k])
+            place[0] += length[k] * np.cos(phi[k])
+            place[1] += length[k] * np.sin(phi[k])
+            slope[k, 0] -= length[k] * np.sin(phi[k])
+            slope[k, 1] += length[k] * np.cos(phi[k])
         speed[0] += slope[k, 0] * rate[k]
         speed[1] += slope[k, 1] * rate[k]
     return angle
@@ -116,6 +119,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
     u,
     phi,
     rate,
+    base,
     length,
     arm,
     station,
@@ -139,7 +143,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
     for c in range(arm.size):
         side = arm[c]
         crosspiece_end(
-            phi[side], rate[side], length, station[c], turn[station[c]], offset[c], place, speed, slope
+            phi[side], rate[side], base, length, station[c], turn[station[c]], offset[c], place, speed, slope
         )
         fx, fy, fz = (
             -stiffness * place[0] - damping * speed[0],
@@ -166,6 +170,7 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
     u,
     phi,
     rate,
+    base,
     length,
     arm,
     station,
@@ -197,7 +202,7 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
     for c in range(arm.size):
         side, s = arm[c], station[c]
         share = turn[s]
-        angle = crosspiece_end(phi[side], rate[side], length, s, share, offset[c], place, speed, slope)
+        angle = crosspiece_end(phi[side], rate[side], base, length, s, share, offset[c], place, speed, slope)
         f = np.empty(2)
         for axis in range(2):
             f[axis] = -stiffness * place[axis] - damping * speed[axis]
@@ -212,8 +217,8 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
             turning[k, 0] = share[k] * angle_speed * curl_x
             turning[k, 1] = share[k] * angle_speed * curl_z
             if k < s:
-                turning[k, 0] -= length * np.cos(phi[side, k]) * rate[side, k]
-                turning[k, 1] -= length * np.sin(phi[side, k]) * rate[side, k]
+                turning[k, 0] -= length[k] * np.cos(phi[side, k]) * rate[side, k]
+                turning[k, 1] -= length[k] * np.sin(phi[side, k]) * rate[side, k]
             if definite:
                 turning[k, 0] = turning[k, 1] = 0.0
         for m in range(2):
@@ -238,6 +243,6 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
                 if not definite:
                     stiff += share[k] * share[j] * (curl_x * f[0] + curl_z * f[1])
                     if k == j and k < s:
-                        stiff -= length * (np.cos(phi[side, k]) * f[0] + np.sin(phi[side, k]) * f[1])
+                        stiff -= length[k] * (np.cos(phi[side, k]) * f[0] + np.sin(phi[side, k]) * f[1])
                 angle_angle[c, k, j] = stiff
                 angle_angle_rate[c, k, j] = damp

@@ -21,6 +21,7 @@ CASES = {
     "wrench": ("wrench", {}),
     "arms torque": ("arms", {"width": 1}),
     "arms pressure, bisector": ("arms", {"drive": "pressure", "crosspiece": "bisector", "links": 3}),
+    "arms raised, stiff base": ("arms", {"width": 1, "rigid_base": 0.01, "backbone_height": 0.004}),
     "floor": ("floor", {"height": -0.004}),
     "support": ("support", {"length": 0.6}),
     "drag": ("drag", {}),

@@ -11,8 +11,8 @@ from ldcs_ros.physics.inputs import NO_INPUTS
 def _kinetic_energy(phi, rate, mass, inertia, length):
     # From the centres' velocities, not from the mass matrix.
     tip, total = np.zeros(2), 0.0
-    for angle, spin in zip(phi, rate, strict=True):
-        along = length * spin * np.array([-np.sin(angle), np.cos(angle)])
+    for angle, spin, reach in zip(phi, rate, length, strict=True):
+        along = reach * spin * np.array([-np.sin(angle), np.cos(angle)])
         centre = tip + 0.5 * along
         total += 0.5 * mass * centre @ centre + 0.5 * inertia * spin**2
         tip = tip + along
@@ -68,6 +68,38 @@ def test_half_a_joint_at_the_base_puts_the_stations_on_an_arc():
     # Chords of 35 mm instead of arcs leave the stations at most 0.5 mm off the circle of the same curvature.
     assert np.abs(np.hypot(stations[:, 0], stations[:, 1] - radius) - radius).max() < 5e-4
     assert abs(stations[-1, 1] - 0.0755) < 1e-4
+
+
+def test_a_stiff_base_and_a_raised_backbone_keep_the_flat_sheet_flat():
+    arms = {"type": "arms", "rigid_base": 0.01, "backbone_height": 0.004, "width": 1}
+    scene = {
+        "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [9, 9], "mass": 0.16},
+        "effects": [{"type": "springs"}, {"type": "clamp"}, arms],
+    }
+    simulation = load_scene(scene).build()
+    q, u = simulation.model.rest()
+    assert np.abs(simulation.model.force(0.0, q, u, simulation.inputs.held())).max() < 1e-9
+    stations = simulation.model.arms.station_positions(q)[0]
+    np.testing.assert_allclose(stations[:, 0], [0.0, 0.035, 0.070, 0.105, 0.140], atol=1e-15)
+    np.testing.assert_allclose(stations[:, 1], 0.004, atol=1e-15)
+
+
+def test_a_backbone_above_the_mid_plane_lengthens_the_mid_plane_of_a_bent_arm():
+    # Bending by an angle a about a line h higher than the mid-plane moves the mid-plane's end by h (sin a, 1 - cos a).
+    angle = 4 * 0.035 * 8.7
+    ends = []
+    for height in (0.0, 0.004):
+        arms = {"type": "arms", "drive": "curvature", "curvature": 8.7, "backbone_height": height}
+        scene = {
+            "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [9, 9], "mass": 0.16},
+            "effects": [{"type": "springs", "stiffness": 1.0}, {"type": "clamp"}, arms],
+        }
+        simulation = load_scene(scene).build()
+        simulation.settle()
+        ends.append(simulation.state.position[simulation.lattice.index[:, -1, -1]].mean(axis=0)[[0, 2]])
+    last_link = angle - 0.5 * 0.035 * 8.7
+    expected = 0.004 * np.array([np.sin(last_link), 1.0 - np.cos(last_link)])
+    np.testing.assert_allclose(ends[1] - ends[0], expected, atol=2e-5)
 
 
 def test_the_sheets_weight_bends_the_arms():

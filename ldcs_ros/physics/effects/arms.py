@@ -35,9 +35,10 @@ class Arms(Effect):
         joint_damping: Damping of such a joint [N m s/rad].
         base_joint_share: Part of a link length that the base joint stands for: its stiffness and damping are
             divided by it; 0.5 puts the stations of a uniformly bent arm on its arc.
+        rigid_base: Length at an arm's base that does not bend, less than a link [m].
+        backbone_height: Height of the chain of links above the sheet's mid-plane, inside the sheet [m].
         crosspiece: Direction of the crosspieces: perpendicular to the link that ends there, or to the
-            bisector of
-            the links that meet there.
+            bisector of the links that meet there.
         coupling_stiffness: Stiffness of each coupling spring [N/m].
         coupling_damping: Coefficient of each coupling damper [N s/m].
         width: Cells that an arm covers across the sheet: rows 0 ... width from its edge are coupled.
@@ -111,6 +112,22 @@ class Arms(Effect):
         high=1e10,
         origin="not printed; the surface's own c/k = 1/16 s",
     )
+    rigid_base: float = quantity(
+        0.0,
+        "m",
+        "length of the stiff fitting at an arm's base",
+        low=0.0,
+        high=10.0,
+        origin="not printed; as if an arm bent from the clamp on",
+    )
+    backbone_height: float = quantity(
+        0.0,
+        "m",
+        "height above the mid-plane of the line that keeps its length",
+        low=-1.0,
+        high=1.0,
+        origin="paper, section II: central backbone; its rig has an inextensible layer, at a height not printed",
+    )
     width: int = quantity(
         0, "", "cells an arm covers across the sheet", low=0, high=64, origin="paper: border lines only"
     )
@@ -148,8 +165,19 @@ class Arms(Effect):
         """Return the arms' term.
 
         Raises:
-            ValueError: The arms are wider than the sheet.
+            ValueError: The arms are wider than the sheet, their stiff base is as long as a link, or their
+                backbone is outside the sheet.
         """
+        length, thickness = assembly.lattice.size[0] / self.links, assembly.lattice.size[2]
+        if self.rigid_base >= length:
+            raise ValueError(
+                f"rigid_base: got {self.rigid_base:g} m, expected less than a link, {length:g} m"
+            )
+        if abs(self.backbone_height) > 0.5 * thickness:
+            raise ValueError(
+                f"backbone_height: got {self.backbone_height:g} m, expected a height inside the sheet, "
+                f"{-0.5 * thickness:g} ... {0.5 * thickness:g} m"
+            )
         rows = assembly.lattice.nodes[1]
         if self.width >= rows:
             raise ValueError(f"width: got {self.width}, expected 0 ... {rows - 1}, the sheet has {rows} rows")
@@ -166,7 +194,9 @@ class ArmsTerm(Term):
         self.arms = arms
         self.n_links = arms.links
         self.first = 3 * lattice.n_nodes
-        self.link_length = lattice.size[0] / arms.links
+        self.link_length = np.full(arms.links, lattice.size[0] / arms.links)
+        self.link_length[0] -= arms.rigid_base
+        self.base = np.array([arms.rigid_base, arms.backbone_height])
         self.gravity = assembly.gravity
         share = np.ones(arms.links)
         share[0] = arms.base_joint_share
@@ -195,7 +225,7 @@ class ArmsTerm(Term):
                         )
                         arm_of.append(side)
                         station.append(s)
-                        offset.append(sign * lattice.size[2])
+                        offset.append(sign * lattice.size[2] - self.arms.backbone_height)
                         row_y.append(lattice.rest_position[near, 1])
                         nodes.append((near, far))
                         weight.append((1.0 - share, share))
@@ -228,7 +258,7 @@ class ArmsTerm(Term):
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         if self.prescribed:
             share, share_rate = smoothstep(time / self.arms.rise_time)
-            bend = self.arms.curvature * self.link_length * (np.arange(self.n_links) + 0.5)
+            bend = self.arms.curvature * (np.cumsum(self.link_length) - 0.5 * self.link_length)
             self.angles(q)[:] = share * bend
             self.angles(u)[:] = share_rate / self.arms.rise_time * bend
 
@@ -264,7 +294,7 @@ class ArmsTerm(Term):
             self.drive_torque(time, inputs),
             torque,
         )
-        arm.add_coupling_force(q, u, phi, rate, self.link_length, *self.couplings, force, torque)
+        arm.add_coupling_force(q, u, phi, rate, self.base, self.link_length, *self.couplings, force, torque)
 
     def energy(self, time: float, q: np.ndarray) -> float:
         phi = self.angles(q)
@@ -280,6 +310,7 @@ class ArmsTerm(Term):
             arm.crosspiece_end(
                 phi[arm_of[c]],
                 np.zeros(n),
+                self.base,
                 length,
                 station[c],
                 turn[station[c]],
@@ -295,8 +326,9 @@ class ArmsTerm(Term):
     def station_positions(self, q: np.ndarray) -> np.ndarray:
         """Return where the base and the end of each link are [m], shape (2, n_links + 1, 2), in x and z."""
         phi = self.angles(q)
-        steps = self.link_length * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-        return np.concatenate([np.zeros((2, 1, 2)), np.cumsum(steps, axis=1)], axis=1)
+        steps = self.link_length[:, None] * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+        first = np.tile([0.0, self.base[1]], (2, 1, 1))
+        return np.concatenate([first, self.base + np.cumsum(steps, axis=1)], axis=1)
 
     def entries(self) -> tuple[np.ndarray, np.ndarray]:
         n = self.n_links
@@ -337,7 +369,7 @@ class ArmsTerm(Term):
         shapes = [(count, 2, 2, 3), (count, 2, 2, n), (count, 2, 2, n), (count, n, n)]
         blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
         arm.fill_coupling_jacobian(
-            q, u, phi, rate, self.link_length, *self.couplings, definite, *blocks, *rates
+            q, u, phi, rate, self.base, self.link_length, *self.couplings, definite, *blocks, *rates
         )
         by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
         by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])
