@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import copy
-import re
 from collections.abc import Iterable
 from typing import Any
 
 from ldcs_ros.errors import SceneError
-
-_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
 def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
@@ -22,6 +19,8 @@ def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[s
     Raises:
         SceneError: The text is not `path=value`, or the path leads nowhere.
     """
+    from ldcs_ros.scene.paths import put_value
+
     changed = copy.deepcopy(content)
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -29,7 +28,10 @@ def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[s
             raise SceneError(
                 f"--set '{override}' is not path=value; write for example --set lattice.nodes=[17,17]"
             )
-        _put(changed, _split(path.strip(), override), parse_value(text.strip()), override)
+        try:
+            put_value(changed, path.strip(), parse_value(text.strip()), said=override)
+        except SceneError as error:
+            raise SceneError(f"--set {error}") from error
     return changed
 
 
@@ -51,52 +53,3 @@ def parse_value(text: str) -> Any:
         raise SceneError(
             f"--set value '{text}' is not YAML: {error}; quote lists as in --set 'lattice.nodes=[17,17]'"
         ) from error
-
-
-def _split(path: str, override: str) -> list[str | int]:
-    steps: list[str | int] = []
-    end = 0
-    for match in _STEP.finditer(path):
-        if path[end : match.start()] not in ("", "."):
-            break
-        steps.append(match.group(1) if match.group(1) is not None else int(match.group(2)))
-        end = match.end()
-    if end != len(path):
-        raise SceneError(
-            f"--set '{override}': cannot read the path '{path}'; write it as effects[0].stiffness"
-        )
-    return steps
-
-
-def _put(content: dict[str, Any], steps: list[str | int], value: Any, override: str) -> None:
-    holder: Any = content
-    walked = "scene"
-    for step in steps[:-1]:
-        if isinstance(holder, dict) and isinstance(step, str):
-            holder = holder.setdefault(step, {})
-        else:
-            holder = holder[_index(holder, step, walked, override)]
-        walked = f"{walked}.{step}"
-    last = steps[-1]
-    if isinstance(holder, dict) and isinstance(last, str):
-        holder[last] = value
-    else:
-        holder[_index(holder, last, walked, override)] = value
-
-
-def _index(holder: Any, step: str | int, walked: str, override: str) -> int:
-    if not isinstance(holder, list):
-        kind = "a table" if isinstance(holder, dict) else f"the value {holder!r}"
-        raise SceneError(f"--set '{override}': {walked} is {kind}, which has no place '{step}'")
-    if isinstance(step, int):
-        if step >= len(holder):
-            raise SceneError(f"--set '{override}': {walked} has {len(holder)} entries, got index {step}")
-        return step
-    types = [entry.get("type") if isinstance(entry, dict) else None for entry in holder]
-    if types.count(step) != 1:
-        known = [name for name in types if name is not None]
-        found = "no entry" if step not in types else "more than one entry"
-        raise SceneError(
-            f"--set '{override}': {walked} has {found} of type '{step}', only {known}; or give an index, [0]"
-        )
-    return types.index(step)
