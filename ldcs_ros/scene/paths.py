@@ -1,0 +1,88 @@
+"""Paths into a scene's content, such as `effects.springs.stiffness` or `inputs[0].torque`: read and put values."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from ldcs_ros.errors import SceneError
+
+_STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+
+
+def get_value(content: dict[str, Any], path: str) -> Any:
+    """Return what stands at a path of a scene's content; None where the last key is not given.
+
+    Raises:
+        SceneError: The path leads nowhere.
+    """
+    holder, last, walked = _holder(content, path, path, make=False)
+    if isinstance(holder, dict) and isinstance(last, str):
+        return holder.get(last)
+    return holder[_index(holder, last, walked, path)]
+
+
+def put_value(content: dict[str, Any], path: str, value: Any, *, said: str = "") -> None:
+    """Put a value at a path of a scene's content, in place.
+
+    A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type,
+    `effects.springs.stiffness`. Unknown keys are left to the scene's own check, which knows what is allowed.
+
+    Args:
+        content: The scene as plain values.
+        path: Where to.
+        value: What.
+        said: What to quote in an error; the path if not given.
+
+    Raises:
+        SceneError: The path leads nowhere.
+    """
+    holder, last, walked = _holder(content, path, said or path, make=True)
+    if isinstance(holder, dict) and isinstance(last, str):
+        holder[last] = value
+    else:
+        holder[_index(holder, last, walked, said or path)] = value
+
+
+def _holder(content: dict[str, Any], path: str, said: str, *, make: bool) -> tuple[Any, str | int, str]:
+    steps = _split(path, said)
+    holder: Any = content
+    walked = "scene"
+    for step in steps[:-1]:
+        if isinstance(holder, dict) and isinstance(step, str):
+            holder = holder.setdefault(step, {}) if make else holder.get(step, {})
+        else:
+            holder = holder[_index(holder, step, walked, said)]
+        walked = f"{walked}.{step}"
+    return holder, steps[-1], walked
+
+
+def _split(path: str, said: str) -> list[str | int]:
+    steps: list[str | int] = []
+    end = 0
+    for match in _STEP.finditer(path):
+        if path[end : match.start()] not in ("", "."):
+            break
+        steps.append(match.group(1) if match.group(1) is not None else int(match.group(2)))
+        end = match.end()
+    if end != len(path) or not steps:
+        raise SceneError(f"'{said}': cannot read the path '{path}'; write it as effects[0].stiffness")
+    return steps
+
+
+def _index(holder: Any, step: str | int, walked: str, said: str) -> int:
+    if not isinstance(holder, list):
+        kind = "a table" if isinstance(holder, dict) else f"the value {holder!r}"
+        raise SceneError(f"'{said}': {walked} is {kind}, which has no place '{step}'")
+    if isinstance(step, int):
+        if step >= len(holder):
+            raise SceneError(f"'{said}': {walked} has {len(holder)} entries, got index {step}")
+        return step
+    types = [entry.get("type") if isinstance(entry, dict) else None for entry in holder]
+    if types.count(step) != 1:
+        known = [name for name in types if name is not None]
+        found = "no entry" if step not in types else "more than one entry"
+        raise SceneError(
+            f"'{said}': {walked} has {found} of type '{step}', only {known}; or give an index, [0]"
+        )
+    return types.index(step)
