@@ -96,6 +96,7 @@ class Twin:
         )
         self._diagnostics = diagnostics
         self._ramp: VentRamp | None = None
+        self._first_report = True
         self.topics: dict[str, Topic] = {**self._outputs.topics, "/diagnostics": TOPICS["/diagnostics"]}
         self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}
         self._start()
@@ -124,6 +125,9 @@ class Twin:
             self._outputs.report_pressure(self._pressure_sensor.measure(self.simulation.state.pressure))
         if self._reports.time <= time:
             self._reports.advance()
+            if self._first_report:
+                self._first_report = False
+                self._outputs.report_static(time)
             self._outputs.report_state()
             self._continue_vent()
         if self._diagnostics and self._health.time <= time:
@@ -241,13 +245,13 @@ class Twin:
         self._reports = Ticks.starting_at(self.publish_rate, start)
         self._health = Ticks.starting_at(1.0, start)
         self._ramp = None
+        self._first_report = True
         self._tracker: Tracker | None = None
         self._pressure_sensor: PressureSensor | None = None
         if (tracker := self.tracker_parameters) is not None:
             self._tracker = Tracker(tracker, self._generator(0, tracker.seed), start)
         if (pressure := self.pressure_parameters) is not None:
             self._pressure_sensor = PressureSensor(pressure, self._generator(1, pressure.seed), start)
-        self._outputs.report_static(start)
 
     def _pressure_sensor_of(self, sensors: Any) -> PressureSensorParameters | None:
         # Arms that are not driven by pressure have no chambers to measure.

@@ -11,6 +11,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ldcs_ros.physics.quantity import did_you_mean
+
 
 @dataclass(frozen=True)
 class NodeParameter:
@@ -96,12 +98,14 @@ _ALL = (
 
 PARAMETERS: dict[str, NodeParameter] = {parameter.name: parameter for parameter in _ALL}
 
+_ROS_PARAMETERS = ("qos_overrides.", "use_sim_time", "start_type_description_service")
+
 # Values between the word that switches something off and the smallest that makes sense.
 _GAPS = {"real_time_factor": (-1.0, 1e-3), "tracker_rate": (0.0, 0.1), "accuracy": (0.0, 1e-9)}
 
 
-def declare(node: Node) -> None:
-    """Declare all parameters on a node.
+def declare(node: Node) -> list[str]:
+    """Declare all parameters on a node; return a complaint about each given name that is none of them.
 
     Raises:
         ParameterException or ValueError: A value given at the start is of a wrong type or out of its range.
@@ -112,6 +116,12 @@ def declare(node: Node) -> None:
     reason = complaint(given)
     if reason:
         raise ValueError(reason)
+    # ROS ignores what is not declared, so that one file can serve many nodes; a slip should not pass in silence.
+    return [
+        f"unknown parameter '{name}' is ignored.{did_you_mean(name, PARAMETERS)}"
+        for name in node._parameter_overrides
+        if name not in PARAMETERS and not name.startswith(_ROS_PARAMETERS)
+    ]
 
 
 def complaint(changes: Iterable[Parameter[Any]]) -> str:

@@ -1,291 +1,72 @@
-"""`ros2 run ldcs_ros sim`: the live twin as a lifecycle node; thin, all physics stays in the scene."""
+"""`ros2 run ldcs_ros sim`: starts the live twin, spins it and ends it cleanly."""
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
-import time
-from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING
 
-import rclpy
-from rclpy.exceptions import ParameterException
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
+from ldcs_ros.ros.stop_signals import StopSignals
 
-from ldcs_ros import load_scene
-from ldcs_ros.errors import DivergenceError, LdcsError, RecordingError
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.interface.watchdog import Watchdog
-from ldcs_ros.ros import parameters
-from ldcs_ros.ros.health import health, interface_states
-from ldcs_ros.ros.optional import installed, missing_line
-from ldcs_ros.ros.pacing import Pacer
-from ldcs_ros.ros.parameter_service import WholeParameterService
-from ldcs_ros.ros.runner import NotNow, Periodic, Runner
-from ldcs_ros.ros.services import Services
-from ldcs_ros.ros.status_line import Speed, StatusLine, status_text
-from ldcs_ros.ros.transport import Transport
+if TYPE_CHECKING:
+    from ldcs_ros.ros.simulation_node import SimulationNode
 
-NODE_NAME = "ldcs_sim"
-DEFAULT_NAMESPACE = "/ldcs"
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-DIAGNOSTICS_PERIOD = 1.0
 # How long a thread may hold the interpreter while another one, with a deadline, waits for it [s].
 _SWITCH_INTERVAL = 5e-4
-
-
-class SimulationNode(LifecycleNode):
-    """The node: builds a twin when configured, lets its time run while active.
-
-    Attributes:
-        finished: Set when the duration is over.
-        problem: Why configuring failed, in one line.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
-        parameters.declare(self)
-        self.add_on_set_parameters_callback(parameters.check)
-        self.add_post_set_parameters_callback(self._parameters_changed)
-        self._whole_parameters = WholeParameterService(self)
-        self.finished = threading.Event()
-        self.problem = ""
-        self._transport = Transport(self)
-        self._runner: Runner | None = None
-        self._recorder: Recorder | None = None
-        self._recording_error = ""
-        self._status = StatusLine(sys.stderr)
-        self._interfaces: dict[str, str] = {}
-        self._triggers = Services(self, lambda: self._runner if self._is_active else None)
-        self._is_active = False
-
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Build the twin, join the graph and start recording."""
-        try:
-            twin = self._build_twin()
-        except LdcsError as error:
-            self.problem = str(error)
-            self.get_logger().error(self.problem)
-            return TransitionCallbackReturn.FAILURE
-        self._start(twin)
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time run."""
-        assert self._runner is not None
-        self._is_active = True
-        try:
-            self._runner.call(self._runner.resume)
-        except NotNow as error:
-            self.get_logger().warning(str(error))
-        return super().on_activate(state)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop time."""
-        assert self._runner is not None
-        self._is_active = False
-        self._runner.call(self._runner.pause)
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Vent, close the bag and leave the graph."""
-        self.stop()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """The same, for good."""
-        self.stop()
-        self.finished.set()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """After an error in a transition: back to unconfigured."""
-        self.stop()
-        return TransitionCallbackReturn.SUCCESS
-
-    def stop(self) -> None:
-        """Vent the arms, close the bag, leave the graph; may be called again."""
-        self._is_active = False
-        if self._runner is not None:
-            self._runner.stop()
-            self._status.close()
-            self._runner = None
-        if self._recorder is not None:
-            self._recorder.close()
-            self._recorder = None
-        self._transport.close()
-
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
-
-    def _build_twin(self) -> Twin:
-        present = installed()
-        used = {name for name in ("ldcs_msgs",) if present[name]}
-        if self._value("publish_tf") and present["tf2_msgs"]:
-            used.add("tf2_msgs")
-        self._interfaces = interface_states(present, used)
-        missing = missing_line(present)
-        if missing:
-            self.get_logger().info(missing)
-        timeouts = {
-            "timeout": self._value("command_timeout"),
-            "wrench_timeout": self._value("wrench_timeout"),
-        }
-        twin = Twin(
-            load_scene(self._value("scene")),
-            seed=None if self._value("seed") < 0 else self._value("seed"),
-            accuracy=self._value("accuracy") or None,
-            tracker_rate=self._value("tracker_rate") or None,
-            publish_rate=self._value("publish_rate"),
-            wanted=self._transport.wanted,
-            watchdog=Watchdog(time.monotonic, **timeouts),
-            diagnostics=False,
-            ambient_pressure=self._value("ambient_pressure"),
-            publish_clock=self._value("publish_clock"),
-            publish_tf="tf2_msgs" in used,
-        )
-        _warm_up(twin)
-        return twin
-
-    def _start(self, twin: Twin) -> None:
-        factor, rate = self._value("real_time_factor"), self._value("publish_rate")
-        runner = Runner(
-            twin,
-            Pacer(factor, tolerance=1.0 / (rate * abs(factor))),
-            duration=self._value("duration"),
-            on_failure=self._tell_failure,
-            on_finish=self.finished.set,
-            on_reset=self._start_bag_over,
-        )
-        self._transport.open(twin.topics.values(), runner.post)
-        twin.sinks.append(self._transport)
-        self._record(twin)
-        owner, speed = self.get_fully_qualified_name(), Speed()
-
-        def report_health() -> None:
-            self._watch_recorder()
-            statuses = health(runner, self._recorder, self._recording_error, self._interfaces)
-            twin.emit_diagnostics(owner, statuses)
-
-        def show_status() -> None:
-            self._status.show(status_text(twin, runner.mode.value, speed.measure(twin.time)))
-
-        runner.chores += [
-            Periodic(DIAGNOSTICS_PERIOD, report_health),
-            Periodic(self._status.period, show_status),
-        ]
-        self._runner = runner
-        runner.start()
-
-    def _record(self, twin: Twin) -> None:
-        folder = self._value("record")
-        self._recording_error = ""
-        if not folder:
-            return
-        try:
-            self._recorder = Recorder(folder, twin, namespace=self.get_namespace())
-            twin.sinks.append(self._recorder)
-            self.get_logger().info(f"recording to {folder}")
-        except RecordingError as error:
-            self._recording_error = str(error)
-            self.get_logger().error(f"not recording: {error}")
-
-    def _tell_failure(self, reason: str) -> None:
-        self.get_logger().error(f"{reason}; paused, call reset")
-
-    def _watch_recorder(self) -> None:
-        # A full disk ends the recording, not the run; it is said once, and in every diagnostics message.
-        if self._recorder is not None and self._recorder.error is not None and not self._recording_error:
-            self._recording_error = self._recorder.error
-            self.get_logger().error(self._recording_error)
-
-    def _start_bag_over(self) -> None:
-        if self._recorder is None or self._runner is None:
-            return
-        try:
-            self._recorder.start_over()
-        except RecordingError as error:
-            self._runner.twin.sinks.remove(self._recorder)
-            self._recorder, self._recording_error = None, str(error)
-            self.get_logger().error(f"recording stopped: {error}")
-
-    def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
-        runner = self._runner
-        if runner is None:
-            return
-        changed = {change.name: change.value for change in changes if change.name in parameters.PARAMETERS}
-
-        def apply() -> None:
-            watchdog, pacer = runner.twin.watchdog, runner.pacer
-            watchdog.timeout = changed.get("command_timeout", watchdog.timeout)
-            watchdog.wrench_timeout = changed.get("wrench_timeout", watchdog.wrench_timeout)
-            runner.duration = changed.get("duration", runner.duration)
-            if "real_time_factor" in changed:
-                pacer.real_time_factor = changed["real_time_factor"]
-                pacer.tolerance = 1.0 / (runner.twin.publish_rate * abs(pacer.real_time_factor))
-                pacer.lift()
-
-        runner.call(apply)
+_SPIN_PERIOD = 0.1
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the node until its duration is over, Ctrl-C or SIGTERM; return the exit status."""
-    stop = threading.Event()
-    _stop_on_signals(stop)
+    """Run the node until its duration is over, Ctrl-C or SIGTERM; return the exit status.
+
+    0 after a clean end, also by a signal; 2 for input that cannot be used.
+    """
+    signals = StopSignals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = SimulationNode()
-    except (ParameterException, ValueError, LdcsError) as error:
-        print(f"sim: {error}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    try:
-        return _spin(node, stop)
+        return _run(arguments, signals)
     finally:
-        node.stop()
-        node.destroy_node()
+        signals.ignore()
+
+
+def _run(arguments: list[str] | None, signals: StopSignals) -> int:
+    # They take a second to load: a signal meanwhile must find its handler.
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from ldcs_ros.ros.simulation_node import SimulationNode
+
+    signals.loading = False
+    node = None
+    try:
+        # Every refusal of ROS itself is one of these: bad arguments, bad names, bad parameters.
+        try:
+            rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+            node = SimulationNode()
+        except (RuntimeError, ValueError, TypeError, rclpy.exceptions.ParameterException) as error:
+            print(f"sim: {error}", file=sys.stderr)
+            return 2
+        return _spin(node, signals)
+    finally:
+        if node is not None:
+            node.stop()
+            node.destroy_node()
         rclpy.try_shutdown()
-        # The interpreter would hand the signals back to the system while it ends: a second Ctrl-C would kill
-        # it.
-        for number in STOP_SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
 
 
-def _spin(node: SimulationNode, stop: threading.Event) -> int:
+def _spin(node: SimulationNode, signals: StopSignals) -> int:
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.lifecycle import TransitionCallbackReturn
+
+    done = TransitionCallbackReturn.SUCCESS
     if node.get_parameter("autostart").value:
-        done = TransitionCallbackReturn.SUCCESS
         if node.trigger_configure() is not done or node.trigger_activate() is not done:
             print(f"sim: {node.problem or 'the node could not be started'}", file=sys.stderr)
             return 2
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while not stop.is_set() and not node.finished.is_set():
-        executor.spin_once(timeout_sec=0.1)
+    while not signals.requested.is_set() and not node.finished.is_set():
+        executor.spin_once(timeout_sec=_SPIN_PERIOD)
     return 0
-
-
-def _warm_up(twin: Twin) -> None:
-    # Kernels are compiled or loaded at their first use: before the clock runs, not in its first period.
-    try:
-        twin.simulation.advance_to(1.0 / twin.publish_rate)
-    except DivergenceError:
-        pass  # it will diverge again when the clock runs, and be told then
-    twin.reset()
-
-
-def _stop_on_signals(stop: threading.Event) -> None:
-    # Ctrl-C under make or ros2 run may come twice: the first one stops, the second must not cut that short.
-    def handle(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in STOP_SIGNALS:
-        signal.signal(number, handle)
 
 
 if __name__ == "__main__":

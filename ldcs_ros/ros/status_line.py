@@ -6,33 +6,43 @@ import time
 from typing import TextIO
 
 from ldcs_ros.interface.twin import Twin
+from ldcs_ros.ros.runner import Runner
 
 _REWRITE_PERIOD = 0.2
 _LINE_PERIOD = 2.0
 
 
 class StatusLine:
-    """Writes the status: one line, rewritten, on a terminal; a line every two seconds elsewhere.
+    """Writes the status of a runner: one line, rewritten, on a terminal; a line every two seconds elsewhere.
 
     Args:
         stream: Where it is written.
+        runner: What is told about.
     """
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, runner: Runner) -> None:
         self._stream = stream
+        self._runner = runner
         self._terminal = stream.isatty()
         self.period = _REWRITE_PERIOD if self._terminal else _LINE_PERIOD
-        self._clear = "\r\033[K" if self._terminal else ""
-        self._end = "" if self._terminal else "\n"
+        self._last = (time.perf_counter(), runner.twin.time)
 
-    def show(self, text: str) -> None:
+    def show(self) -> None:
         """Write the status."""
-        self._write(f"{self._clear}{text}{self._end}")
+        text = status_text(self._runner.twin, self._runner.mode.value, self._real_time_factor())
+        self._write(f"\r\033[K{text}" if self._terminal else f"{text}\n")
 
     def close(self) -> None:
-        """Leave the last status standing."""
+        """Write the last status and leave it standing."""
+        self.show()
         if self._terminal:
             self._write("\n")
+
+    def _real_time_factor(self) -> float:
+        # Since the last status: what a person sees is what happened while they looked.
+        (wall, simulated), now = self._last, (time.perf_counter(), self._runner.twin.time)
+        self._last = now
+        return max(0.0, now[1] - simulated) / max(now[0] - wall, 1e-9)
 
     def _write(self, text: str) -> None:
         try:
@@ -43,24 +53,11 @@ class StatusLine:
             self._terminal = False
 
 
-class Speed:
-    """Real-time factor between two looks at the status."""
-
-    def __init__(self) -> None:
-        self._last = (time.perf_counter(), 0.0)
-
-    def measure(self, simulation_time: float) -> float:
-        """Return simulated seconds a second since the last call."""
-        (wall, simulated), now = self._last, time.perf_counter()
-        self._last = (now, simulation_time)
-        return max(0.0, simulation_time - simulated) / max(now - wall, 1e-9)
-
-
 def status_text(twin: Twin, mode: str, real_time_factor: float) -> str:
-    """Return simulation time, pace and the positions of the points in a line."""
+    """Return simulation time, pace and the positions of the points [mm] in a line."""
     state = twin.simulation.state
     places = []
     for name, point in twin.simulation.points.items():
         x, y, z = (1e3 * point.position(state.position)).tolist()
-        places.append(f"{name} {x:7.2f} {y:6.2f} {z:7.2f} mm")
+        places.append(f"{name} {x:7.2f} {y + 0.0:6.2f} {z:7.2f} mm")
     return " | ".join([f"t {twin.time:9.3f} s", f"{real_time_factor:5.2f} x real time", *places, mode])

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -119,3 +122,27 @@ def test_a_node_that_does_not_start_by_itself_is_driven_by_its_lifecycle(start):
         assert change(Transition.TRANSITION_CLEANUP)
     assert change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert node.process.wait(10.0) == 0
+
+
+def test_a_signal_while_it_loads_ends_it_without_a_traceback(start):
+    for delay in (0.2, 0.35, 0.5, 0.7):
+        node, _ = start(with_user=False, scene="paper")
+        time.sleep(delay)
+        assert node.stop(signal.SIGINT) == 0
+        assert "Traceback" not in node.output
+
+
+def test_a_parameter_with_a_slip_in_its_name_is_told(start):
+    node, _ = start(
+        with_user=False, scene="single_spring", real_time_factor=-1.0, duration=0.1, publish_rat=5.0
+    )
+    assert node.process.wait(20.0) == 0
+    assert "publish_rate" in node.output
+
+
+def test_arguments_that_ros_refuses_are_one_line_and_exit_2(tmp_path):
+    command = [sys.executable, "-m", "ldcs_ros.ros.sim_node", "--ros-args", "-p", "scene"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20)
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].startswith("sim: ")
+    assert "Traceback" not in result.stderr
