@@ -40,12 +40,13 @@ class Periodic:
     Args:
         period: Wall time between two calls [s].
         chore: What is called.
+        delay: Wall time before the first call [s].
     """
 
-    def __init__(self, period: float, chore: Callable[[], None]) -> None:
+    def __init__(self, period: float, chore: Callable[[], None], *, delay: float = 0.0) -> None:
         self._period = period
         self._chore = chore
-        self._next = time.monotonic()
+        self._next = time.monotonic() + delay
 
     def run_if_due(self) -> None:
         """Call the chore if its time has come; missed times are not made up for."""

@@ -30,11 +30,15 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str] | None, signals: StopSignals) -> int:
     # They take a second to load: a signal meanwhile must find its handler.
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
+    try:
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
 
-    from ldcs_ros.ros.simulation_node import SimulationNode
-
+        from ldcs_ros.ros.simulation_node import SimulationNode
+    except ImportError as error:
+        advice = "run `make setup`, or source a ROS 2 distribution that has the packages of package.xml"
+        print(f"sim: {error}; {advice}", file=sys.stderr)
+        return 2
     signals.loading = False
     node = None
     try:

@@ -165,9 +165,10 @@ class SimulationNode(LifecycleNode):
         twin.sinks.append(self._transport)
         self._record(twin)
         self._runner, self._status = runner, StatusLine(sys.stderr, runner)
+        period = self._status.period
         runner.chores += [
             Periodic(DIAGNOSTICS_PERIOD, self._report_health),
-            Periodic(self._status.period, self._status.show),
+            Periodic(period, self._status.show, delay=period),
         ]
         runner.start()
 

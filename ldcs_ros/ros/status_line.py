@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from typing import TextIO
 
@@ -25,24 +26,27 @@ class StatusLine:
         self._runner = runner
         self._terminal = stream.isatty()
         self.period = _REWRITE_PERIOD if self._terminal else _LINE_PERIOD
-        self._last = (time.perf_counter(), runner.twin.time)
+        self._start = self._last = (time.perf_counter(), runner.twin.time)
 
     def show(self) -> None:
-        """Write the status."""
-        text = status_text(self._runner.twin, self._runner.mode.value, self._real_time_factor())
-        self._write(f"\r\033[K{text}" if self._terminal else f"{text}\n")
+        """Write the present status, with the real-time factor since the last one."""
+        since, self._last = self._last, (time.perf_counter(), self._runner.twin.time)
+        self._put(self._runner.mode.value, since)
 
     def close(self) -> None:
-        """Write the last status and leave it standing."""
-        self.show()
+        """Write the last status, with the real-time factor since the start, and leave it standing."""
+        self._last = (time.perf_counter(), self._runner.twin.time)
+        self._put("ended", self._start)
         if self._terminal:
             self._write("\n")
 
-    def _real_time_factor(self) -> float:
-        # Since the last status: what a person sees is what happened while they looked.
-        (wall, simulated), now = self._last, (time.perf_counter(), self._runner.twin.time)
-        self._last = now
-        return max(0.0, now[1] - simulated) / max(now[0] - wall, 1e-9)
+    def _put(self, mode: str, since: tuple[float, float]) -> None:
+        wall, simulated = self._last[0] - since[0], self._last[1] - since[1]
+        text = status_text(self._runner.twin, mode, max(0.0, simulated) / max(wall, 1e-9))
+        if self._terminal:
+            # A line that wraps cannot be rewritten.
+            text = f"\r\033[K{text[: shutil.get_terminal_size().columns - 1]}"
+        self._write(text if self._terminal else f"{text}\n")
 
     def _write(self, text: str) -> None:
         try:
@@ -59,5 +63,7 @@ def status_text(twin: Twin, mode: str, real_time_factor: float) -> str:
     places = []
     for name, point in twin.simulation.points.items():
         x, y, z = (1e3 * point.position(state.position)).tolist()
-        places.append(f"{name} {x:7.2f} {y + 0.0:6.2f} {z:7.2f} mm")
-    return " | ".join([f"t {twin.time:9.3f} s", f"{real_time_factor:5.2f} x real time", *places, mode])
+        places.append(f"{name} ({x:.2f} {round(y, 2) + 0.0:.2f} {z:.2f})")
+    if places:
+        places.append("mm")
+    return " ".join([f"t {twin.time:.3f} s", f"{real_time_factor:.2f}x", *places, mode])
