@@ -14,11 +14,21 @@ def scene_with(source: str, overrides: Sequence[str]) -> Any:
     Raises:
         SceneError: There is no such scene, or it is not valid, before or after the changes.
     """
+    from ldcs_ros.scene.load import load_scene
+
+    return changed_scene(load_scene(source), overrides)
+
+
+def changed_scene(scene: Any, overrides: Sequence[str]) -> Any:
+    """Return a scene with `path=value` changes, checked as a whole.
+
+    Raises:
+        SceneError: It is not valid after the changes.
+    """
     import yaml
 
-    from ldcs_ros.scene.load import load_scene, parse_scene
+    from ldcs_ros.scene.load import parse_scene
 
-    scene = load_scene(source)
     if not overrides:
         return scene
     content = apply_overrides(yaml.safe_load(scene.text), overrides)

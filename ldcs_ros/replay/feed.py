@@ -1,0 +1,169 @@
+"""Feeding: a twin goes through a recorded run, each command at its own place between the events."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from ldcs_ros.interface.cdr import nanoseconds
+from ldcs_ros.interface.topics import Topic
+from ldcs_ros.interface.twin import Twin
+
+HEALTH = "/diagnostics"
+"""Tells how long the computer took: neither counted nor compared."""
+
+
+class Entry(Protocol):
+    """One recorded command.
+
+    Attributes:
+        time: Simulation time at which it acted [ns].
+        after: How many of the twin's messages of that very time came before it; None for all of them.
+    """
+
+    @property
+    def time(self) -> int: ...
+
+    @property
+    def after(self) -> int | None: ...
+
+    def command(self, simulation: Any) -> tuple[str, bytes] | None:
+        """Return topic and message for the simulation as it stands; None if nothing would change."""
+        ...
+
+    def refused(self, reason: str) -> None:
+        """Take note that the twin refused it."""
+        ...
+
+
+@dataclass(frozen=True)
+class RecordedCommand:
+    """A command of our own bag, fed as it was.
+
+    Attributes:
+        time: Simulation time at which it acted [ns].
+        after: How many of the twin's messages of that very time came before it; None for all of them.
+        topic: Relative name of the topic.
+        cdr: The message.
+    """
+
+    time: int
+    after: int | None
+    topic: str
+    cdr: bytes
+
+    def command(self, simulation: Any) -> tuple[str, bytes]:
+        return self.topic, self.cdr
+
+    def refused(self, reason: str) -> None:
+        pass
+
+
+@dataclass
+class Outcome:
+    """How the feeding went.
+
+    Attributes:
+        applied: Commands applied.
+        unchanged: Commands that would have changed nothing, left out.
+        refused: Commands that the twin refused, by reason.
+        last_refusal: The latest refusal in words, with its time.
+        interrupted: Somebody asked it to end early.
+    """
+
+    applied: int = 0
+    unchanged: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    last_refusal: str = ""
+    interrupted: bool = False
+
+
+class _Emitted:
+    """A sink that counts the messages of the latest time [ns], as `after` counts them."""
+
+    def __init__(self, topics: dict[str, Topic]) -> None:
+        self._counted = {name for name, topic in topics.items() if is_counted(topic)}
+        self._time = -1
+        self._count = 0
+
+    def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
+        if topic in self._counted:
+            self._count = self._count + 1 if time_ns == self._time else 1
+            self._time = time_ns
+
+    def at(self, time_ns: int) -> int:
+        return self._count if time_ns == self._time else 0
+
+
+def is_counted(topic: Topic) -> bool:
+    """Tell whether a topic's messages say where in a run one stands: all that the twin reports and a bag holds."""
+    return topic.direction == "out" and topic.recorded and topic.name != HEALTH
+
+
+def feed(
+    twin: Twin,
+    entries: Iterable[Entry],
+    *,
+    end: int,
+    last: int | None = None,
+    tell: Callable[[float], None] = lambda time: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Outcome:
+    """Advance a twin from its start through all entries to an end.
+
+    Args:
+        twin: A twin that has emitted nothing.
+        entries: The commands, by time.
+        end: Where to end [ns of simulation time].
+        last: How many of the twin's messages of that very time came; None for all.
+        tell: Called with the simulation time now and then [s].
+        stop: Asked now and then; True ends early.
+
+    Raises:
+        DivergenceError: The simulation cannot go on; what came before has been emitted.
+    """
+    outcome = Outcome()
+    emitted = _Emitted(twin.topics)
+    twin.sinks.append(emitted)
+
+    def advance(time: int, after: int | None) -> bool:
+        while not stop():
+            due = nanoseconds(twin.next_time)
+            if due > time or (due == time and after is not None and emitted.at(time) >= after):
+                return True
+            twin.advance_to_next()
+            tell(twin.time)
+        return False
+
+    try:
+        for entry in entries:
+            if entry.time > end or outcome.interrupted:
+                break
+            if not advance(entry.time, entry.after):
+                outcome.interrupted = True
+            else:
+                if nanoseconds(twin.time) != entry.time:
+                    twin.advance_to(entry.time / 1e9)
+                _apply(twin, entry, outcome)
+        if not outcome.interrupted and not advance(end, last):
+            outcome.interrupted = True
+    finally:
+        twin.sinks.remove(emitted)
+    return outcome
+
+
+def _apply(twin: Twin, entry: Entry, outcome: Outcome) -> None:
+    command = entry.command(twin.simulation)
+    if command is None:
+        outcome.unchanged += 1
+        return
+    refusal = twin.receive(*command)
+    if refusal is None:
+        outcome.applied += 1
+        return
+    reason = refusal.split(":")[0]
+    outcome.refused[reason] += 1
+    outcome.last_refusal = f"at {entry.time / 1e9:.3f} s: {refusal}"
+    entry.refused(reason)

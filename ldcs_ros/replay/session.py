@@ -1,0 +1,219 @@
+"""A replay from end to end: bag in, bag out, and a report of what was fed and how the two compare."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ldcs_ros.errors import DivergenceError, SceneError
+from ldcs_ros.interface.recorder import Recorder, run_description
+from ldcs_ros.interface.twin import Twin
+from ldcs_ros.mapping import Mapping, guess_mapping
+from ldcs_ros.recording import Recording, read_bag
+from ldcs_ros.replay.description import VERSIONS, RunDescription, describe
+from ldcs_ros.replay.feed import Outcome, feed
+from ldcs_ros.replay.foreign import mapped_commands
+from ldcs_ros.replay.intake import Intake
+from ldcs_ros.replay.own import timeline
+from ldcs_ros.replay.verdict import Verdict, compare_runs
+from ldcs_ros.scene.load import parse_scene
+from ldcs_ros.scene.scene import Scene
+
+# A scene with a fixed step promises no accuracy; two platforms still round almost alike [m].
+FIXED_STEP_ALLOWED = 1e-6
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a replay does unlike the original.
+
+    Attributes:
+        scene: Another scene; None for the recorded one.
+        seed: Another seed; None for the recorded one.
+        accuracy: Another accuracy [m]; None for the recorded one.
+        duration: Where to end [s after the start]; None for the recorded end.
+    """
+
+    scene: Scene | None = None
+    seed: int | None = None
+    accuracy: float | None = None
+    duration: float | None = None
+
+    @property
+    def none(self) -> bool:
+        """The replay is of the same run."""
+        return self == Changes()
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came out of a replay.
+
+    Attributes:
+        twin: The twin at the end.
+        outcome: Counts of the commands.
+        intakes: What was found in each mapped topic; empty for a bag of our own.
+        verdict: How it compares with the original; None if it is another run by intent.
+        recorder: The bag that was written.
+        start: Simulation time at which it began [s].
+    """
+
+    twin: Twin
+    outcome: Outcome
+    intakes: tuple[Intake, ...]
+    verdict: Verdict | None
+    recorder: Recorder
+    start: float
+
+
+def replay(
+    bag: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    changes: Changes | None = None,
+    mapping: Mapping | None = None,
+    tell: Callable[[float, float], None] = lambda time, end: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Replay:
+    """Run the commands of a bag through a twin and write what it does into a new bag.
+
+    A bag of our own is run as it was, unless a mapping says that it is to be read like a rig's.
+
+    Args:
+        bag: The bag.
+        folder: The new bag.
+        changes: What to do unlike the original.
+        mapping: What the topics of a rig's bag mean; None to go by names and types.
+        tell: Called with the simulation time and the end [s].
+        stop: Asked now and then; True ends early.
+
+    Raises:
+        RecordingError: A bag cannot be read or written.
+        SceneError: The bag names no scene and none was given, or it is not sound.
+        MappingError: The mapping does not fit the bag.
+        DivergenceError: The simulation cannot go on; the bag holds what came before.
+    """
+    recording, changes = read_bag(bag), changes or Changes()
+    description = describe(recording) if mapping is None else None
+    if description is not None:
+        return _replay_own(recording, description, Path(folder), changes, tell, stop)
+    return _replay_foreign(recording, mapping or guess_mapping(recording), Path(folder), changes, tell, stop)
+
+
+def _replay_own(
+    recording: Recording,
+    description: RunDescription,
+    folder: Path,
+    changes: Changes,
+    tell: Callable[[float, float], None],
+    stop: Callable[[], bool],
+) -> Replay:
+    changed = replace(
+        description,
+        scene=changes.scene or description.scene,
+        seed=description.seed if changes.seed is None else changes.seed,
+        accuracy=changes.accuracy or description.accuracy,
+    )
+    twin = changed.build()
+    run = timeline(recording, namespace=description.namespace, topics=twin.topics)
+    start = twin.time
+    end, last = run.end, run.last
+    if changes.duration is not None:
+        end, last = round((start + changes.duration) * 1e9), None
+    recorder = Recorder(
+        folder, twin, namespace=description.namespace, custom_data={"replay_of": Path(recording.name).name}
+    )
+    outcome = _run(twin, run.commands, recorder, end=end, last=last, tell=tell, stop=stop)
+    verdict = None
+    if changes.none and not outcome.interrupted and recorder.error is None:
+        verdict = compare_runs(
+            recording,
+            read_bag(folder),
+            allowed=twin.simulation.accuracy or FIXED_STEP_ALLOWED,
+            differing=_differing(description, run_description(twin)),
+        )
+    return Replay(twin, outcome, (), verdict, recorder, start)
+
+
+def _replay_foreign(
+    recording: Recording,
+    mapping: Mapping,
+    folder: Path,
+    changes: Changes,
+    tell: Callable[[float, float], None],
+    stop: Callable[[], bool],
+) -> Replay:
+    if changes.scene is None:
+        raise SceneError(
+            f"{recording.name} does not say what it is a recording of; "
+            "name the scene that stands for it, such as --scene rig"
+        )
+    commands, intakes, origin = mapped_commands(recording, mapping)
+    description = RunDescription(
+        scene=without_schedule(changes.scene),
+        seed=changes.seed,
+        accuracy=changes.accuracy,
+        ambient_pressure=mapping.ambient_pressure,
+        settled=mapping.initial == "rest",
+    )
+    twin = description.build()
+    start = round(twin.time * 1e9)
+    # A scene may come to rest only later: the bag begins when it does.
+    commands = [replace(command, time=command.time + start) for command in commands]
+    end = start + (recording.end - origin if changes.duration is None else round(changes.duration * 1e9))
+    said = {"replay_of": Path(recording.name).name, "log_time_of_start": str(origin - start)}
+    recorder = Recorder(folder, twin, custom_data=said)
+    outcome = _run(twin, commands, recorder, end=end, last=None, tell=tell, stop=stop)
+    return Replay(twin, outcome, tuple(intakes), None, recorder, start / 1e9)
+
+
+def _run(
+    twin: Twin,
+    entries: Any,
+    recorder: Recorder,
+    *,
+    end: int,
+    last: int | None,
+    tell: Callable[[float, float], None],
+    stop: Callable[[], bool],
+) -> Outcome:
+    twin.sinks.append(recorder)
+    try:
+        return feed(twin, entries, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
+    except DivergenceError as error:
+        recorder.close()
+        raise DivergenceError(
+            f"{error}; the bag {recorder.folder} holds the run up to {twin.time:.3f} s"
+        ) from error
+    except BaseException:
+        recorder.close()
+        if twin.simulation.statistics.steps == 0:
+            shutil.rmtree(recorder.folder)  # made by this run: the recorder refuses a folder that exists
+        raise
+    finally:
+        recorder.close()
+
+
+def without_schedule(scene: Scene) -> Scene:
+    """Return the scene without its schedule of commands: a rig's bag says what was commanded, and when."""
+    if not scene.inputs:
+        return scene
+    content = yaml.safe_load(scene.text)
+    del content["inputs"]
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return parse_scene(text, name=scene.name, origin=f"{scene.name} without its schedule")
+
+
+def _differing(description: RunDescription, now: dict[str, str]) -> tuple[str, ...]:
+    then = dict(description.versions)
+    return tuple(
+        f"{name}: {then[name] or 'unknown'}, now {now[name]}"
+        for name in VERSIONS
+        if then.get(name) != now[name]
+    )

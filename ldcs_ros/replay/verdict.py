@@ -1,0 +1,87 @@
+"""The verdict on a replay: the same bytes as the original, or how far the node positions are apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.plotting.tracks import CLOUD, cloud_positions
+from ldcs_ros.replay.feed import HEALTH
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a replay compares with the original run.
+
+    Attributes:
+        same_bytes: Every message, its time and the order of all are the same (but /diagnostics).
+        messages: Messages compared.
+        first_difference: Where the first difference is, in words; '' when there is none.
+        largest: Largest distance of a node from where it was [m], float32 in both; None without `nodes`.
+        allowed: Distance that passes [m]; None if the scene has a fixed step, which promises none.
+        differing: What it ran on that differs, as 'name: then, now'.
+    """
+
+    same_bytes: bool
+    messages: int
+    first_difference: str
+    largest: float | None
+    allowed: float | None
+    differing: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """The same bytes, or node positions within what is allowed."""
+        if self.same_bytes:
+            return True
+        return self.largest is not None and self.allowed is not None and self.largest <= self.allowed
+
+
+def compare_runs(original: Any, again: Any, *, allowed: float | None, differing: tuple[str, ...]) -> Verdict:
+    """Return the verdict on two recordings of the same run; the shorter one says how far it is compared."""
+    topics = sorted((set(original.topics) & set(again.topics)) - {HEALTH})
+    missing = sorted((set(original.topics) ^ set(again.topics)) - {HEALTH})
+    difference, messages = "", 0
+    for ours, theirs in zip_longest(original.in_order(topics), again.in_order(topics)):
+        if ours != theirs:
+            one = ours or theirs
+            what = (
+                "only one has it"
+                if ours is None or theirs is None
+                else f"{ours.topic} against {theirs.topic}"
+            )
+            difference = f"message {messages + 1}, at {one.time / 1e9:.6f} s: {what}"
+            break
+        messages += 1
+    if not difference and missing:
+        difference = f"only one bag has the topic {missing[0]}"
+    same = not difference
+    largest = 0.0 if same else _largest(original, again)
+    return Verdict(same, messages, difference, largest, allowed, differing)
+
+
+def _largest(original: Any, again: Any) -> float | None:
+    """Return the largest distance of a node at the times that both have [m]."""
+    ours, theirs = _clouds(original), _clouds(again)
+    if ours is None or theirs is None:
+        return None
+    where = {time: index for index, time in enumerate(theirs.times.tolist())}
+    largest = None
+    for index, time in enumerate(ours.times.tolist()):
+        if time not in where:
+            continue
+        a, b = cloud_positions(ours.messages[index]), cloud_positions(theirs.messages[where[time]])
+        if a.shape != b.shape:
+            return None
+        largest = max(largest or 0.0, float(np.linalg.norm(a - b, axis=1).max()))
+    return largest
+
+
+def _clouds(recording: Any) -> Any:
+    for topic, channel in recording.channels.items():
+        if topic.endswith("/nodes") and channel.type == CLOUD:
+            return channel
+    return None

@@ -1,0 +1,63 @@
+"""A small scene for replays, and a way to record a run of it that a test drives."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import pytest
+
+from ldcs_ros import load_scene
+from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.interface.twin import Twin
+
+
+def scene_with(drive, **more):
+    """Return a 4 x 4 sheet with arms, wrench effect and noisy sensors."""
+    return load_scene(
+        {
+            "title": "A small sheet for replays",
+            "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [4, 4], "mass": 0.160},
+            "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
+            "effects": [
+                {"type": "springs", "stiffness": 80.0, "damping": 5.0},
+                {"type": "gravity"},
+                {"type": "clamp", "edge": "x_min"},
+                {"type": "arms", "drive": drive},
+                {"type": "wrench"},
+            ],
+            "sensors": {
+                "tracker": {"points": ["P0", "P1"], "rate": 80.0, "delay": 0.02, "seed": 3},
+                "pressure": {"rate": 100.0, "noise": 50.0},
+            },
+            "solver": {"integrator": "auto", "accuracy": 1.0e-4},
+            **more,
+        }
+    )
+
+
+@pytest.fixture
+def pneumatic():
+    return scene_with("pressure", inputs=[{"time": 0.0, "pressure": 5.0e4}])
+
+
+@pytest.fixture
+def motorised():
+    return scene_with("torque", inputs=[{"time": 0.05, "torque": 0.05}])
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Return a context: a twin whose run is recorded into a bag folder."""
+
+    @contextmanager
+    def run(scene, folder=None, **options):
+        twin = Twin(scene, **options)
+        recorder = Recorder(folder or tmp_path / "original", twin)
+        twin.sinks.append(recorder)
+        twin.recorder = recorder
+        try:
+            yield twin
+        finally:
+            recorder.close()
+
+    return run

@@ -1,0 +1,184 @@
+"""A bag that this project wrote replays to the same bytes, whatever was commanded and whenever."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ldcs_ros.interface.messages import pressure_command, torque_command, wrench_command
+from ldcs_ros.interface.twin import Twin
+from ldcs_ros.interface.watchdog import Watchdog
+from ldcs_ros.recording import BagWriter, TopicInfo, read_bag
+from ldcs_ros.replay.session import Changes, replay
+from ldcs_ros.ros.pacing import Pacer
+from ldcs_ros.ros.runner import Runner
+
+NOTHING = (0.0, 0.0, 0.0)
+
+
+def same(folder, tmp_path, **keywords):
+    """Replay a bag and return the outcome; fails unless every byte is the same."""
+    done = replay(folder, tmp_path / f"again_{folder.name}", **keywords)
+    assert done.verdict.same_bytes, done.verdict
+    assert done.verdict.messages > 20 and done.verdict.passed
+    return done
+
+
+def test_commands_act_again_at_the_very_time_at_which_they_acted(recorded, pneumatic, tmp_path):
+    # Rates whose periods are no whole nanoseconds, and commands at times that are no events.
+    with recorded(pneumatic, publish_rate=60.0, tracker_rate=70.0, seed=5, accuracy=3e-5) as twin:
+        twin.receive("pressure_command", pressure_command([1e4, 2e4]))
+        twin.advance_to(1.0 / 3.0)
+        twin.receive("pressure_command", pressure_command([8e4]))
+        twin.receive("external_wrench", wrench_command(0, "P1", (0.0, 0.0, 0.1), NOTHING))
+        twin.advance_to(0.1 * np.pi * 1.2)
+        twin.receive("external_wrench", wrench_command(0, "node_top_1_1_aligned", (0.1, 0.0, 0.0), NOTHING))
+        twin.receive("pressure_command", pressure_command([float("nan")]))
+        twin.advance_to_report()
+        twin.receive("external_wrench", wrench_command(0, "P1", NOTHING, NOTHING))
+        twin.advance_to(0.7)
+    done = same(tmp_path / "original", tmp_path)
+    assert done.outcome.applied == 5 and not done.outcome.refused
+    assert read_bag(tmp_path / "original").custom_data["scene"] == done.twin.scene.text
+
+
+def test_a_vent_is_replayed_from_what_it_commanded(recorded, motorised, tmp_path):
+    clock = [0.0]
+    watchdog = Watchdog(lambda: clock[0], timeout=0.3, wrench_timeout=0.2)
+    with recorded(motorised, watchdog=watchdog) as twin:
+        names = twin.simulation.joint_names
+        twin.advance_to(0.02)
+        twin.receive("torque_command", torque_command(0, names[:3], np.array([0.02, 0.03, 0.04])))
+        twin.receive("external_wrench", wrench_command(0, "P0", (0.0, 0.1, 0.0), (1e-3, 0.0, 0.0)))
+        twin.advance_to(0.3)
+        clock[0] = 1.0
+        assert twin.check_watchdog()
+        twin.advance_to(1.0)
+        assert not twin.simulation.inputs.torque.any()
+    assert same(tmp_path / "original", tmp_path).outcome.applied > 25
+
+
+def test_a_run_from_rest_begins_at_rest_again(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        pass
+    assert read_bag(tmp_path / "original").custom_data["settled"] == "false"
+    twin = Twin(pneumatic)
+    twin.settle()
+    with recorded_from(twin, tmp_path / "rest"):
+        twin.advance_to(0.2)
+        twin.receive("pressure_command", pressure_command([0.0]))
+        twin.advance_to(0.4)
+    assert same(tmp_path / "rest", tmp_path).twin.settled
+
+
+def test_each_bag_of_a_run_with_resets_replays(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        for pressure in (2e4, 3e4):
+            twin.advance_to(0.1)
+            twin.receive("pressure_command", pressure_command([pressure]))
+            twin.advance_to(0.3)
+            twin.recorder.start_over()
+            twin.reset()
+        twin.advance_to(0.3)
+    for name in ("original", "original_reset1", "original_reset2"):
+        same(tmp_path / name, tmp_path)
+
+
+def test_a_run_commanded_live_from_another_thread_replays(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic, watchdog=Watchdog(time.monotonic, timeout=0.15), diagnostics=False) as twin:
+        runner = Runner(
+            twin,
+            Pacer(1.0, tolerance=0.02),
+            on_failure=lambda reason: None,
+            on_finish=lambda: None,
+            on_reset=lambda: None,
+        )
+        runner.start()
+        runner.call(runner.resume)
+        for k in range(8):
+            time.sleep(0.031)
+            runner.post("pressure_command", pressure_command([1e4 * k, 2e3 * k]))
+        runner.call(runner.pause)
+        runner.post("external_wrench", wrench_command(0, "P1", (0.0, 0.0, 0.2), NOTHING))
+        runner.call(runner.step)
+        runner.call(runner.resume)
+        time.sleep(0.4)
+        assert twin.watchdog.tripped
+        runner.stop()
+    assert threading.active_count() < 10
+    assert same(tmp_path / "original", tmp_path).outcome.applied > 15
+
+
+STEP = st.tuples(
+    st.floats(0.0, 0.08),
+    st.one_of(
+        st.tuples(st.just("pressure"), st.floats(0.0, 9e4), st.floats(0.0, 9e4)),
+        st.tuples(st.just("wrench"), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
+        st.tuples(st.just("vent"), st.sampled_from([0.0, 0.05]), st.just(0.0)),
+    ),
+)
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(steps=st.lists(STEP, min_size=2, max_size=6))
+def test_whatever_is_commanded_replays(recorded, pneumatic, tmp_path_factory, steps):
+    folder = tmp_path_factory.mktemp("commands")
+    with recorded(pneumatic, folder / "bag") as twin:
+        for wait, (kind, one, two) in steps:
+            twin.advance_to(twin.time + wait)
+            if kind == "pressure":
+                twin.receive("pressure_command", pressure_command([one, two]))
+            elif kind == "wrench":
+                twin.receive("external_wrench", wrench_command(0, "P1_aligned", (one, 0.0, two), NOTHING))
+            else:
+                twin.vent(one)
+        twin.advance_to(twin.time + 0.2)
+    done = replay(folder / "bag", folder / "again")
+    assert done.verdict.same_bytes, done.verdict
+
+
+def test_commands_alone_are_enough(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.1)
+        twin.receive("pressure_command", pressure_command([9e4]))
+        twin.advance_to(0.3)
+    original = read_bag(tmp_path / "original")
+    topic = "/ldcs/pressure_command"
+    custom_data, info = original.custom_data, {topic: TopicInfo(original.topics[topic].type)}
+    with BagWriter(tmp_path / "filtered", topics=info, custom_data=custom_data) as writer:
+        for message in original.in_order([topic]):
+            writer.write(*message)
+    done = replay(tmp_path / "filtered", tmp_path / "again", changes=Changes(duration=0.3))
+    again = read_bag(tmp_path / "again")
+    topics = sorted(set(original.topics) - {"/diagnostics"})
+    assert list(again.in_order(topics)) == list(original.in_order(topics)) and done.verdict is None
+
+
+def test_a_replay_replays(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.2)
+    same(tmp_path / "original", tmp_path)
+    assert same(tmp_path / "again_original", tmp_path).verdict.messages > 20
+
+
+@pytest.mark.parametrize("change", [Changes(seed=9), Changes(accuracy=1e-3), Changes(duration=0.1)])
+def test_another_run_by_intent_gets_no_verdict(recorded, pneumatic, tmp_path, change):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.2)
+    assert replay(tmp_path / "original", tmp_path / "other", changes=change).verdict is None
+
+
+def recorded_from(twin, folder):
+    """Return a recorder of a twin as it stands, attached."""
+    from contextlib import closing
+
+    from ldcs_ros.interface.recorder import Recorder
+
+    recorder = Recorder(folder, twin)
+    twin.sinks.append(recorder)
+    return closing(recorder)
