@@ -13,7 +13,7 @@ from ldcs_ros.errors import CommandError, SceneError, SolverError
 from ldcs_ros.inputs import Inputs
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import Counters, Step
-from ldcs_ros.integrators.control import LOCAL_SHARE, AdaptiveSteps, FixedSteps, Pace
+from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.points import Point, point_at
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from ldcs_ros.scene.scene import Scene
 
 DEFAULT_INTEGRATOR = "esdirk43"
-# A fixed step has no accuracy to iterate to: its stages are solved to this [m].
-FIXED_STEP_TOLERANCE = 1e-9
 
 
 @dataclass
@@ -38,7 +36,7 @@ class Statistics:
         evaluations: Force evaluations.
         factorisations: Matrices factored.
         solves: Linear systems solved.
-        error_estimate: Largest estimated local error of a node position in one step [m].
+        error_estimate: Largest estimated error of a node position so far [m]; 0 with a fixed step.
         wall_time: Time spent in `advance_to` [s].
     """
 
@@ -80,12 +78,12 @@ class Simulation:
         self.inputs = Inputs(self.model, lambda: self.time)
         solver = scene.solver
         method = integrator_class(DEFAULT_INTEGRATOR if solver.integrator == "auto" else solver.integrator)
-        tolerance = FIXED_STEP_TOLERANCE if solver.accuracy is None else LOCAL_SHARE * solver.accuracy
-        self.integrator = method(self.model, tolerance)
+        self.integrator = method(self.model)
         self.accuracy = solver.accuracy
-        if solver.dt is None:
-            self._control: AdaptiveSteps | FixedSteps = AdaptiveSteps(self.integrator)
-        else:
+        self._control: AdaptiveSteps | FixedSteps
+        if solver.accuracy is not None:
+            self._control = AdaptiveSteps(self.integrator, solver.accuracy)
+        elif solver.dt is not None:
             self._control = FixedSteps(self.integrator, solver.dt)
         self._fresh = self.integrator.memory
         self.statistics = Statistics()
@@ -246,7 +244,7 @@ class Simulation:
             step, pace = self._control.advance(start, self._held, self._pace, barrier)
             self._step = step
             self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
-            self.statistics.error_estimate = max(self.statistics.error_estimate, step.error)
+            self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
 
     def _take_commands(self) -> None:
         # A command acts now: drop what was integrated past now, and keep the smooth part of the acceleration.

@@ -1,9 +1,9 @@
 """The contract of an integrator, as a numbered list.
 
-1. An integrator is made for one model: `Method(model, accuracy)`; it keeps nothing of the motion but what
+1. An integrator is made for one model: `Method(model)`; it keeps nothing of the motion but what
    makes
    the next step cheaper (factors), and that is part of `memory`, so a run can go on to the bit.
-2. `step(motion, inputs, h)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion stays
+2. `step(motion, inputs, h, tolerance)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion stays
    whole.
 3. `motion.a` are the accelerations at the motion; `start` makes them, and after a change of inputs `restart`
    does.
@@ -54,7 +54,7 @@ class Step:
     Attributes:
         left: Motion at its start.
         right: Motion at its end.
-        error: Estimated local error of the position of the worst node [m].
+        error: Estimated error that this step made in the position of the worst node [m].
     """
 
     left: Motion
@@ -62,33 +62,35 @@ class Step:
     error: float
 
     def at(self, time: float, model: Model) -> Motion:
-        """Return the motion inside the step: the quintic through position, velocity and acceleration at both ends.
-
-        Its error is O(h^6) for the positions, below that of every method here.
-        """
+        """Return the motion inside the step: the quintic through position, rate and acceleration at both ends."""
         if time >= self.right.time:
             return self.right
         if time <= self.left.time:
             return self.left
         h = self.right.time - self.left.time
         s = (time - self.left.time) / h
-        free = model.free
-        q0, q1 = self.left.q[free], self.right.q[free]
-        u0, u1 = h * self.left.u[free], h * self.right.u[free]
-        a0, a1 = h * h * self.left.a, h * h * self.right.a
-        # q(s) = q0 + u0 s + a0 s^2/2 + c3 s^3 + c4 s^4 + c5 s^5
-        gap = q1 - q0 - u0 - 0.5 * a0
-        gap_rate = u1 - u0 - a0
-        gap_acceleration = a1 - a0
-        c3 = 10.0 * gap - 4.0 * gap_rate + 0.5 * gap_acceleration
-        c4 = -15.0 * gap + 7.0 * gap_rate - gap_acceleration
-        c5 = 6.0 * gap - 3.0 * gap_rate + 0.5 * gap_acceleration
+        q0, u0, a0, c3, c4, c5 = self._quintic(model)
         q, u = self.left.q.copy(), self.left.u.copy()
-        q[free] = q0 + s * (u0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-        u[free] = (u0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
+        q[model.free] = q0 + s * (u0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+        u[model.free] = (u0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h
         a = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / (h * h)
         model.prescribe(time, q, u)
         return Motion(time, q, u, a)
+
+    def bend(self, model: Model) -> np.ndarray:
+        """Return the quintic's last coefficient [m], shape (n_free,): how much of it a coarser curve would miss."""
+        return self._quintic(model)[-1]
+
+    def _quintic(self, model: Model) -> tuple[np.ndarray, ...]:
+        # q(s) = q0 + u0 s + a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5 for s from 0 to 1.
+        h = self.right.time - self.left.time
+        q0, q1 = self.left.q[model.free], self.right.q[model.free]
+        u0, u1 = h * self.left.u[model.free], h * self.right.u[model.free]
+        a0, a1 = h * h * self.left.a, h * h * self.right.a
+        gap, rate, acceleration = q1 - q0 - u0 - 0.5 * a0, u1 - u0 - a0, a1 - a0
+        c3 = 10.0 * gap - 4.0 * rate + 0.5 * acceleration
+        c4 = -15.0 * gap + 7.0 * rate - acceleration
+        return q0, u0, a0, c3, c4, 6.0 * gap - 3.0 * rate + 0.5 * acceleration
 
 
 @dataclass
@@ -97,28 +99,40 @@ class Integrator:
 
     Attributes:
         model: What is integrated.
-        accuracy: Largest local error of a node's position that one step may make [m].
     """
 
     model: Model
-    accuracy: float
     counters: Counters = field(default_factory=Counters)
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     error_order: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        self._reach = np.ones(len(self.model.free))
+        self._reach[self.model.n_free_nodes :] = self.model.lattice.size[0]
 
     def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Motion:
         """Return the motion at coordinates q and rates u, with the accelerations that the inputs give."""
         self.counters.evaluations += 1
         return Motion(time, q, u, self.model.accelerate(time, q, u, inputs))
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
         """Return the step of length h [s] from a motion.
+
+        Args:
+            motion: Where it starts.
+            inputs: What is commanded during it.
+            h: Its length [s].
+            tolerance: Error in a node's position that it may make [m]; iterations stop well below it.
 
         Raises:
             StepFailure: It cannot be taken at this size.
         """
         raise NotImplementedError
+
+    def largest_displacement(self, q: np.ndarray) -> float:
+        """Return the largest displacement [m] in free coordinates; an angle counts as its arm's tip."""
+        return float(np.max(np.abs(q) * self._reach, initial=0.0))
 
     def stability_limit(self, motion: Motion, inputs: HeldInputs) -> float:
         """Return the largest stable step [s] near a motion."""

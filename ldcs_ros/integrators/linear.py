@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import dataclass, replace
+
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, lapack
+from scipy.linalg import lapack
 
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
+
+
+@dataclass(frozen=True)
+class Bordered:
+    """A symmetric matrix over the free coordinates: banded for nodes (in slab order), dense for arm angles.
+
+    Attributes:
+        band: Lower band of the nodes' part, shape (half-bandwidth + 1, n_nodes), column-major.
+        border: Nodes' coordinates by angles, shape (n_nodes, n_angles).
+        corner: Angles by angles, shape (n_angles, n_angles).
+    """
+
+    band: np.ndarray
+    border: np.ndarray
+    corner: np.ndarray
 
 
 class Factors:
@@ -14,33 +32,35 @@ class Factors:
 
     Attributes:
         rate_step: The h of the factored matrix [s].
+        angles: Link angles at which border and corner were taken [rad], shape (n_angles,).
     """
 
-    def __init__(
-        self,
-        order: np.ndarray,
-        n_nodes: int,
-        band: np.ndarray,
-        border: np.ndarray,
-        corner: np.ndarray,
-        rate_step: float,
-    ) -> None:
+    def __init__(self, order: np.ndarray, matrix: Bordered, rate_step: float, angles: np.ndarray) -> None:
         self.rate_step = rate_step
-        self._order, self._n = order, n_nodes
-        self._band, status = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
+        self._order, self._n = order, matrix.band.shape[1]
+        self._band, status = lapack.dpbtrf(matrix.band, lower=1, overwrite_ab=1)
         if status != 0:
             raise np.linalg.LinAlgError("the matrix is not positive definite")
-        self._border = border
+        self._set_border(matrix.border, matrix.corner, angles)
+
+    def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
+        self._border, self.angles = border, angles
         if corner.size:
             self._reach, _ = lapack.dpbtrs(self._band, border, lower=1)
-            self._corner = cho_factor(corner - border.T @ self._reach, lower=True)
+            self._corner = np.linalg.inv(corner - border.T @ self._reach)
+
+    def with_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
+        """Return factors with the same nodes' part and another border and corner."""
+        other = copy(self)
+        other._set_border(border, corner, angles)
+        return other
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return W^-1 right for free coordinates, shape (n_free,)."""
         result = np.empty_like(right)
         nodes, _ = lapack.dpbtrs(self._band, right[self._order], lower=1)
         if len(right) > self._n:
-            angles = cho_solve(self._corner, right[self._n :] - self._border.T @ nodes)
+            angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
             result[self._n :] = angles
         result[self._order] = nodes
@@ -78,6 +98,9 @@ class LinearSystem:
         corner = used & (column >= n)
         self._corner = np.flatnonzero(corner)
         self._corner_slot = ((rows - n) * n_angles + columns - n)[corner]
+        # Only the arms have entries in border and corner; theirs start here among all entries.
+        before = [term for term in model.terms[: model.terms.index(model.arms)]] if model.arms else []
+        self._arms_start = sum(len(term.entries()[0]) for term in before)
 
     @staticmethod
     def _slabs(model: Model) -> np.ndarray:
@@ -109,24 +132,54 @@ class LinearSystem:
         *,
         definite: bool,
     ) -> Factors:
-        n, n_angles = self.model.n_free_nodes, self.model.n_free_angles
         by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite)
-        values = -rate_step * (by_rate + rate_step * by_position)
-        if not np.isfinite(values).all():
+        if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
             raise np.linalg.LinAlgError("the Jacobian is not finite")
+        change = self._placed(-rate_step * (by_rate + rate_step * by_position))
+        change.band[0] += self.model.mass[self._order]
+        matrix = replace(change, corner=change.corner + self._inertia(q))
+        return Factors(self._order, matrix, rate_step, self._angles(q))
+
+    def turn_border(
+        self, factors: Factors, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
+    ) -> Factors:
+        """Return the factors with the arms' rows and columns taken at another motion.
+
+        A coupling spring is as stiff in every direction, so the nodes' part does not change when an arm turns;
+        the slopes of its crosspieces do, and against stiff couplings a small turn matters much.
+        """
+        h, arms = factors.rate_step, self.model.arms
+        if arms is None or not self.model.n_free_angles:
+            return factors
+        by_position, by_rate = arms.jacobian(time, q, u, inputs, False)
+        values = -h * (by_rate + h * by_position)
+        border, corner = self._bordering(values, self._arms_start)
+        return factors.with_border(border, corner + self._inertia(q), self._angles(q))
+
+    def _placed(self, values: np.ndarray) -> Bordered:
+        n = self.model.n_free_nodes
         band = np.bincount(
             self._inner_slot, values[self._inner] * self._inner_share, minlength=n * self._width
         )
-        band = band[: n * self._width].reshape((self._width, n), order="F")
-        band[0] += self.model.mass[self._order]
-        border = np.bincount(self._edge_slot, values[self._edge] * self._edge_share, minlength=n * n_angles)
-        corner = np.bincount(self._corner_slot, values[self._corner], minlength=n_angles**2).reshape(
-            n_angles, n_angles
-        )
+        return Bordered(band.reshape((self._width, n), order="F"), *self._bordering(values, 0))
+
+    def _bordering(self, values: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
+        n, n_angles = self.model.n_free_nodes, self.model.n_free_angles
+        edge = values[self._edge - start] * self._edge_share
+        border = np.bincount(self._edge_slot, edge, minlength=n * n_angles)
+        corner = np.bincount(self._corner_slot, values[self._corner - start], minlength=n_angles**2)
+        corner = corner.reshape(n_angles, n_angles)
+        return border.reshape(n, n_angles), 0.5 * (corner + corner.T)
+
+    def _angles(self, q: np.ndarray) -> np.ndarray:
+        return q[len(q) - self.model.n_free_angles :].copy()
+
+    def _inertia(self, q: np.ndarray) -> np.ndarray:
+        n_angles = self.model.n_free_angles
+        corner = np.zeros((n_angles, n_angles))
         blocks = self.model.inertia(q)
         if blocks is not None:
-            corner = 0.5 * (corner + corner.T)
             m = blocks.shape[1]
             for side, block in enumerate(blocks):
-                corner[side * m : (side + 1) * m, side * m : (side + 1) * m] += block
-        return Factors(self._order, n, band, border.reshape(n, n_angles), corner, rate_step)
+                corner[side * m : (side + 1) * m, side * m : (side + 1) * m] = block
+        return corner

@@ -114,6 +114,30 @@ def crosspiece_end(phi, rate, base, length, station, turn, offset, place, speed,
 
 
 @compiled
+def _stations(phi, rate, base, length, turn, place, speed, normal, normal_speed, along):  # type: ignore[no-untyped-def]
+    # Backbone points and crosspiece directions of one arm, in (x, z), with their rates; along = l (-sin, cos) a link.
+    n = phi.size
+    for k in range(n):
+        along[k, 0], along[k, 1] = -length[k] * np.sin(phi[k]), length[k] * np.cos(phi[k])
+    reach_x, reach_z, speed_x, speed_z = base[0], base[1], 0.0, 0.0
+    for s in range(n + 1):
+        if s > 0:
+            reach_x += along[s - 1, 1]
+            reach_z -= along[s - 1, 0]
+            speed_x += along[s - 1, 0] * rate[s - 1]
+            speed_z += along[s - 1, 1] * rate[s - 1]
+        # Station 0 stays above x = 0, where the sheet begins.
+        place[s, 0], place[s, 1] = reach_x if s > 0 else 0.0, reach_z
+        speed[s, 0], speed[s, 1] = speed_x, speed_z
+        angle = spin = 0.0
+        for k in range(n):
+            angle += turn[s, k] * phi[k]
+            spin += turn[s, k] * rate[k]
+        normal[s, 0], normal[s, 1] = -np.sin(angle), np.cos(angle)
+        normal_speed[s, 0], normal_speed[s, 1] = -spin * normal[s, 1], spin * normal[s, 0]
+
+
+@compiled
 def add_coupling_force(  # type: ignore[no-untyped-def]
     q,
     u,
@@ -135,21 +159,26 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
 ):
     """Add the coupling springs' force on the sheet's nodes (flat `force`) and on the links (`torque`).
 
-    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c,
-    m]].
+    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c, m]].
     """
-    n = phi.shape[1]
-    place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
+    n_arms, n = phi.shape
+    place, speed = np.empty((n_arms, n + 1, 2)), np.empty((n_arms, n + 1, 2))
+    normal, normal_speed = np.empty((n_arms, n + 1, 2)), np.empty((n_arms, n + 1, 2))
+    along = np.empty((n_arms, n, 2))
+    for k in range(n_arms):
+        _stations(
+            phi[k], rate[k], base, length, turn, place[k], speed[k], normal[k], normal_speed[k], along[k]
+        )
+    # What each station takes up: a force on the backbone, a moment on its crosspiece.
+    pull, moment = np.zeros((n_arms, n + 1, 2)), np.zeros((n_arms, n + 1))
     for c in range(arm.size):
-        side = arm[c]
-        crosspiece_end(
-            phi[side], rate[side], base, length, station[c], turn[station[c]], offset[c], place, speed, slope
-        )
-        fx, fy, fz = (
-            -stiffness * place[0] - damping * speed[0],
-            -stiffness * row_y[c],
-            -stiffness * place[1] - damping * speed[1],
-        )
+        side, s = arm[c], station[c]
+        nx, nz = normal[side, s, 0], normal[side, s, 1]
+        fx = -stiffness * (place[side, s, 0] + offset[c] * nx)
+        fx -= damping * (speed[side, s, 0] + offset[c] * normal_speed[side, s, 0])
+        fz = -stiffness * (place[side, s, 1] + offset[c] * nz)
+        fz -= damping * (speed[side, s, 1] + offset[c] * normal_speed[side, s, 1])
+        fy = -stiffness * row_y[c]
         for m in range(2):
             i = 3 * nodes[c, m]
             fx += weight[c, m] * (stiffness * q[i] + damping * u[i])
@@ -160,8 +189,18 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
             force[i] -= weight[c, m] * fx
             force[i + 1] -= weight[c, m] * fy
             force[i + 2] -= weight[c, m] * fz
-        for k in range(n):
-            torque[side, k] += slope[k, 0] * fx + slope[k, 1] * fz
+        pull[side, s, 0] += fx
+        pull[side, s, 1] += fz
+        moment[side, s] += offset[c] * (nx * fz - nz * fx)
+    for side in range(n_arms):
+        carried_x = carried_z = 0.0
+        for s in range(n, -1, -1):
+            for k in range(n):
+                torque[side, k] += turn[s, k] * moment[side, s]
+            if s > 0:
+                carried_x += pull[side, s, 0]
+                carried_z += pull[side, s, 1]
+                torque[side, s - 1] += along[side, s - 1, 0] * carried_x + along[side, s - 1, 1] * carried_z
 
 
 @compiled

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ldcs_ros.physics.compiled import compiled
+
 
 def smoothstep(share: float) -> tuple[float, float]:
     """Return s = 3 u^2 - 2 u^3 and ds/du for u limited to 0 ... 1."""
@@ -11,24 +13,37 @@ def smoothstep(share: float) -> tuple[float, float]:
     return share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share)
 
 
-def arc(along: np.ndarray, kappa: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return x, z [m] of points at arc length `along` [m] on an arc of curvature kappa [1/m], and their d/dkappa.
+@compiled
+def fill_arc(along, across, height, kappa, kappa_rate, place, rate):  # type: ignore[no-untyped-def]
+    """Write points of an arc in the XZ plane and their velocities, shape (n, 3) [m, m/s].
 
-    x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa; below |kappa s| = 0.1 their series, whose
-    first dropped term is below 1e-13 of the result (the closed form of the derivative loses digits there).
+    Args:
+        along: Arc length of each point from the origin [m], shape (n,).
+        across: Its y [m].
+        height: Its distance along the local normal [m].
+        kappa: Curvature [1/m], positive bends up.
+        kappa_rate: Its rate [1/(m s)].
+
+    On the arc itself x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa. Below |kappa s| = 0.1 they and
+    their derivatives are taken from series whose first dropped term is below 1e-13 of the result (the closed form
+    of the derivatives loses digits there).
     """
-    angle = along * kappa
-    small = np.abs(angle) < 0.1
-    a2 = angle * angle
-    x_series = along * (1 - a2 / 6 * (1 - a2 / 20 * (1 - a2 / 42 * (1 - a2 / 72))))
-    z_series = along * angle / 2 * (1 - a2 / 12 * (1 - a2 / 30 * (1 - a2 / 56 * (1 - a2 / 90))))
-    dx_series = -(along**2) * angle / 3 * (1 - a2 / 10 * (1 - a2 / 28 * (1 - a2 / 54 * (1 - a2 / 88))))
-    dz_series = along**2 / 2 * (1 - a2 / 4 * (1 - a2 / 18 * (1 - a2 / 40 * (1 - a2 / 70))))
-    if small.all():
-        return x_series, z_series, dx_series, dz_series
-    sine, cosine = np.sin(angle), np.cos(angle)
-    x = np.where(small, x_series, sine / kappa)
-    z = np.where(small, z_series, (1 - cosine) / kappa)
-    x_by_kappa = np.where(small, dx_series, (along * cosine - sine / kappa) / kappa)
-    z_by_kappa = np.where(small, dz_series, (along * sine - (1 - cosine) / kappa) / kappa)
-    return x, z, x_by_kappa, z_by_kappa
+    for i in range(along.size):
+        s = along[i]
+        angle = s * kappa
+        sine, cosine = np.sin(angle), np.cos(angle)
+        if abs(angle) < 0.1:
+            a2 = angle * angle
+            x = s * (1 - a2 / 6 * (1 - a2 / 20 * (1 - a2 / 42 * (1 - a2 / 72))))
+            z = s * angle / 2 * (1 - a2 / 12 * (1 - a2 / 30 * (1 - a2 / 56 * (1 - a2 / 90))))
+            x_slope = -(s**2) * angle / 3 * (1 - a2 / 10 * (1 - a2 / 28 * (1 - a2 / 54 * (1 - a2 / 88))))
+            z_slope = s**2 / 2 * (1 - a2 / 4 * (1 - a2 / 18 * (1 - a2 / 40 * (1 - a2 / 70))))
+        else:
+            x, z = sine / kappa, (1 - cosine) / kappa
+            x_slope, z_slope = (s * cosine - x) / kappa, (s * sine - z) / kappa
+        place[i, 0] = x - height[i] * sine
+        place[i, 1] = across[i]
+        place[i, 2] = z + height[i] * cosine
+        rate[i, 0] = kappa_rate * (x_slope - height[i] * s * cosine)
+        rate[i, 1] = 0.0
+        rate[i, 2] = kappa_rate * (z_slope - height[i] * s * sine)

@@ -118,6 +118,19 @@ class Model:
             force[self.n_free_nodes :] = np.linalg.solve(blocks, angles).ravel()
         return force
 
+    def damping_rate(self, motion: Motion, inputs: HeldInputs) -> float:
+        """Return the rate at which a motion's amplitude decays, dissipated power / (4 kinetic energy) [1/s].
+
+        Half the rate at which an oscillation loses its energy, which is twice its kinetic energy on average.
+        """
+        q, u = motion.q, motion.u
+        still = u.copy()
+        still[self.free] = 0.0
+        rate = u[self.free]
+        power = -rate @ (self.momentum(q, motion.a) - self.force(motion.time, q, still, inputs))
+        energy = rate @ self.momentum(q, rate)
+        return float(0.5 * power / energy) if energy > 0.0 else 0.0
+
     @cached_property
     def entries(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns, in free coordinates, of every Jacobian entry; -1 where a coordinate is prescribed."""

@@ -140,7 +140,7 @@ def test_a_failing_step_leaves_the_state_whole_and_the_run_usable(monkeypatch):
     simulation.advance_to(0.1)
     before = simulation.state
 
-    def fail(motion, inputs, h):
+    def fail(motion, inputs, h, tolerance):
         raise StepFailure("for the test")
 
     with monkeypatch.context() as patch:

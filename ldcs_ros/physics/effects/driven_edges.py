@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ldcs_ros.physics.curves import arc, smoothstep
+from ldcs_ros.physics.curves import fill_arc, smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.quantity import REQUIRED, quantity, words
 
@@ -45,7 +45,8 @@ class DrivenEdgesTerm(Term):
     def __init__(self, assembly: Assembly, effect: DrivenEdges) -> None:
         nodes = np.concatenate([assembly.lattice.edge(edge) for edge in effect.edges])
         self.driven = coordinates(nodes)
-        self.rest = assembly.lattice.rest_position[nodes]
+        self.rest = tuple(np.ascontiguousarray(axis) for axis in assembly.lattice.rest_position[nodes].T)
+        self._place, self._rate = np.empty((len(nodes), 3)), np.empty((len(nodes), 3))
         self.curvature, self.rise_time = effect.curvature, effect.rise_time
         self.breakpoints = (0.0, effect.rise_time)
 
@@ -56,13 +57,6 @@ class DrivenEdgesTerm(Term):
         share, share_rate = smoothstep(time / self.rise_time)
         kappa = share * self.curvature
         kappa_rate = share_rate * self.curvature / self.rise_time
-        along, across, height = self.rest.T
-        x, z, x_by_kappa, z_by_kappa = arc(along, kappa)
-        angle = along * kappa
-        sine, cosine = np.sin(angle), np.cos(angle)
-        q[self.driven] = np.stack([x - height * sine, across, z + height * cosine], axis=1)
-        rate = np.stack(
-            [x_by_kappa - height * along * cosine, np.zeros_like(along), z_by_kappa - height * along * sine],
-            axis=1,
-        )
-        u[self.driven] = kappa_rate * rate
+        fill_arc(*self.rest, kappa, kappa_rate, self._place, self._rate)
+        q[self.driven] = self._place
+        u[self.driven] = self._rate
