@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.interface import messages
 from ldcs_ros.mapping import CommandSource, MappingError, fields
-from ldcs_ros.replay.intake import Intake
+from ldcs_ros.mapping.intake import Intake
 
 # A vented rig that commands absolute pressure is off by the weather and its gauge's zero [Pa].
 NEAR_ZERO = 3.0e3

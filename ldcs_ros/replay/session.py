@@ -15,11 +15,11 @@ from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.interface.recorder import Recorder, run_description
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.mapping import Mapping, guess_mapping
+from ldcs_ros.mapping.intake import Intake
 from ldcs_ros.recording import Recording, read_bag
 from ldcs_ros.replay.description import VERSIONS, RunDescription, describe
 from ldcs_ros.replay.feed import Outcome, feed
 from ldcs_ros.replay.foreign import mapped_commands
-from ldcs_ros.replay.intake import Intake
 from ldcs_ros.replay.own import timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.load import parse_scene

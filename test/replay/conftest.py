@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.interface.recorder import Recorder
 from ldcs_ros.interface.twin import Twin
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 def scene_with(drive, **more):

@@ -1,0 +1,179 @@
+"""A bag that this project did not write: names, units and clocks by a mapping, holes and copies counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import rig_bag
+from rig_bag import WALL, array, fluid, transform, wrench, write
+
+from ldcs_ros.interface.cdr import decode
+from ldcs_ros.interface.messages import pressure_command
+from ldcs_ros.interface.twin import Twin
+from ldcs_ros.mapping import MappingError
+from ldcs_ros.mapping.load import parse_mapping
+from ldcs_ros.recording import read_bag
+from ldcs_ros.replay.session import Changes, replay, without_schedule
+from ldcs_ros.replay.session import replay as run_replay
+
+MS = 1_000_000
+
+
+def mapping(*commands, **more):
+    return parse_mapping({"commands": list(commands), "initial": "start", **more})
+
+
+def fed(folder):
+    """Return the commands in a bag as (time [s], pressures [Pa])."""
+    channel = read_bag(folder).channels["/ldcs/pressure_command"]
+    return [(message.time / 1e9, decode(message.type, message.cdr).data.tolist()) for message in channel.raw]
+
+
+def run(source, tmp_path, scene, mapped):
+    return run_replay(source, tmp_path / "twin", changes=Changes(scene=scene), mapping=mapped)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_names_units_and_order_of_arms_come_from_the_mapping(tmp_path, pneumatic, storage):
+    messages = [
+        ("/other", WALL, array([0.0])),
+        ("/valves", WALL + 100 * MS, array([500.0, 300.0])),
+        ("/valves", WALL + 250 * MS, array([0.0, 900.0])),
+        ("/other", WALL + 400 * MS, array([0.0])),
+    ]
+    source = write(tmp_path / "rig", messages, storage=storage)
+    entry = {"topic": "/valves", "to": "pressure_command", "unit": "mbar", "arms": ["right", "left"]}
+    done = run(source, tmp_path, pneumatic, mapping(entry))
+    assert fed(tmp_path / "twin") == [(0.1, [3e4, 5e4]), (0.25, [9e4, 0.0])]
+    assert done.outcome.applied == 2 and done.twin.time == 0.4
+    assert read_bag(tmp_path / "twin").custom_data["log_time_of_start"] == str(WALL)
+
+
+def test_the_twin_goes_as_if_somebody_had_commanded_it(tmp_path, pneumatic):
+    source = write(tmp_path / "rig", [("/p", WALL, array([0.0])), ("/p", WALL + 130 * MS, array([6e4]))])
+    done = run(source, tmp_path, pneumatic, mapping({"topic": "/p", "to": "pressure_command"}))
+    twin = Twin(without_schedule(pneumatic))
+    twin.advance_to(0.13)
+    twin.receive("pressure_command", pressure_command([6e4, 6e4]))
+    twin.advance_to(0.13)
+    assert np.array_equal(done.twin.simulation.state.position, twin.simulation.state.position)
+    assert done.outcome.unchanged == 1
+
+
+def test_a_bag_made_from_a_rigs_bag_is_our_own(tmp_path, pneumatic):
+    source = write(
+        tmp_path / "rig", [("/p", WALL + k * 33 * MS, array([1e4 * k])) for k in range(8)], storage="sqlite3"
+    )
+    entry = {"topic": "/p", "to": "pressure_command"}
+    mapped = parse_mapping({"commands": [entry], "initial": "rest"})
+    assert run(source, tmp_path, pneumatic, mapped).twin.settled
+    assert replay(tmp_path / "twin", tmp_path / "again").verdict.same_bytes
+
+
+def test_absolute_pressures_of_single_arms_become_gauge_pressures(tmp_path, pneumatic):
+    psi = 6894.757293168361
+    messages = [
+        ("/l", WALL, fluid(WALL, 14.6)),  # the ambient pressure of the day, a little below the standard
+        ("/r", WALL + 10 * MS, fluid(WALL, 101325.0 + 5e4)),
+        ("/l", WALL + 20 * MS, fluid(WALL + MS, 101325.0 / psi + 2.0)),
+    ]
+    done = run(
+        write(tmp_path / "rig", messages),
+        tmp_path,
+        pneumatic,
+        mapping(
+            {"topic": "/l", "to": "pressure_command", "arms": ["left"], "unit": "psi"},
+            {"topic": "/r", "to": "pressure_command", "arms": ["right"]},
+        ),
+    )
+    assert [time for time, _ in fed(tmp_path / "twin")] == [0.01, 0.02]
+    assert np.allclose([p for _, p in fed(tmp_path / "twin")], [[0.0, 5e4], [2.0 * psi, 5e4]])
+    assert done.intakes[0].below_zero == 1 and not done.outcome.refused
+
+
+def test_copies_late_and_disordered_messages_and_holes_are_counted(tmp_path, pneumatic):
+    sent = [(k, WALL + k * 20 * MS) for k in range(30) if not 12 <= k < 18]
+    messages = [("/l", stamp + 5 * MS, fluid(stamp, 101325.0 + 1e3 * k)) for k, stamp in sent]
+    messages.insert(4, messages[3])  # a copy, recorded at the same time
+    messages.insert(9, ("/l", messages[8][1] + 8 * MS, messages[8][2]))  # a copy, recorded later
+    topic, log, late = messages[15]
+    messages[15] = (topic, log + 300 * MS, late)
+    messages.sort(key=lambda message: message[1])
+    source = write(tmp_path / "rig", messages)
+    entry = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
+    done = run(source, tmp_path, pneumatic, mapping(entry, time="stamp"))
+    intake = done.intakes[0]
+    assert (intake.messages, intake.duplicates, intake.late, intake.out_of_order) == (26, 2, 1, 1)
+    assert intake.missing == 6 and intake.longest_gap == pytest.approx(0.14)
+    pressures = [pressure[0] for _, pressure in fed(tmp_path / "twin")]
+    assert pressures == sorted(pressures) and len(pressures) == 23, (
+        "by stamp; zero at the start changes nothing"
+    )
+    assert any("missing" in remark for remark in intake.remarks())
+
+
+def test_stamps_of_another_clock_are_brought_to_the_recorders(tmp_path, pneumatic):
+    boot = 5_000_000_000  # a driver that counts from its start
+    messages = [
+        ("/l", WALL + k * 50 * MS + (k % 3) * MS, fluid(boot + k * 50 * MS, 111325.0 + k)) for k in range(8)
+    ]
+    entry = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
+    done = run(write(tmp_path / "rig", messages), tmp_path, pneumatic, mapping(entry, time="stamp"))
+    assert done.intakes[0].clock_offset == pytest.approx((boot - WALL) * 1e-9)
+    assert [time for time, _ in fed(tmp_path / "twin")] == pytest.approx([0.05 * k for k in range(8)])
+
+
+def test_commands_that_are_not_sound_are_refused_and_counted(tmp_path, pneumatic):
+    values = [[1e4], [float("nan")], [9e9], [-5e4], [1.0, 2.0, 3.0], [2e4]]
+    messages = [("/p", WALL + k * 20 * MS, array(value)) for k, value in enumerate(values)]
+    messages.append(("/p", WALL + 130 * MS, ("std_msgs/msg/Float64MultiArray", b"\x00\x01\x00\x00\xff")))
+    source = write(tmp_path / "rig", messages)
+    done = run(source, tmp_path, pneumatic, mapping({"topic": "/p", "to": "pressure_command"}))
+    assert dict(done.intakes[0].refused) == {"not a number": 1, "over limit": 2}
+    assert done.intakes[0].malformed == 2 and done.outcome.applied == 2
+    assert fed(tmp_path / "twin")[-1] == (0.1, [2e4, 2e4])
+
+
+def test_wrenches_and_any_field_of_any_message(tmp_path, motorised):
+    vector = rig_bag.build("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=100.0)
+    stamped = rig_bag.build("geometry_msgs/msg/Vector3Stamped", header=rig_bag.header(WALL), vector=vector)
+    messages = [
+        ("/force", WALL, stamped),
+        ("/push", WALL + 20 * MS, wrench(WALL, "P1", (0.1, 0.0, 0.0))),
+        ("/push", WALL + 40 * MS, wrench(WALL + MS, "P1", (0.1, 0.0, 0.0))),
+        ("/motors", WALL + 60 * MS, array(np.full(8, 30.0))),
+    ]
+    done = run(
+        write(tmp_path / "rig", messages),
+        tmp_path,
+        motorised,
+        mapping(
+            {"topic": "/force", "to": "external_wrench", "frame": "P0_aligned", "unit": "mN"},
+            {"topic": "/push", "to": "external_wrench"},
+            {"topic": "/motors", "to": "torque_command", "unit": "mN m", "field": "data"},
+        ),
+    )
+    inputs = done.twin.simulation.inputs
+    assert inputs.wrenches["P0_aligned"].force == pytest.approx((0.0, 0.0, 0.1))
+    assert inputs.wrenches["P1"].force == (0.1, 0.0, 0.0)
+    assert np.allclose(inputs.torque, 0.03)
+    assert (done.outcome.applied, done.outcome.unchanged) == (3, 1)
+
+
+def test_a_bag_under_our_names_needs_no_mapping(tmp_path, pneumatic):
+    messages = [("/rig7/pressure_command", WALL + k * 40 * MS, array([1e4 * k, 0.0])) for k in range(4)]
+    messages.append(("/rig7/trakstar_msg", WALL + 200 * MS, transform(WALL, "trakstar0", (0, 0, 0))))
+    source = write(tmp_path / "rig", messages, storage="sqlite3")
+    done = replay(source, tmp_path / "twin", changes=Changes(scene=pneumatic))
+    assert done.outcome.applied == 3 and done.twin.time == done.start + 0.2
+
+
+def test_a_mapping_that_does_not_fit_is_refused_before_anything_is_written(tmp_path, pneumatic):
+    source = write(tmp_path / "rig", [("/valves", WALL, array([1.0]))])
+    with pytest.raises(MappingError, match=r"no topic '/valve', only \['/valves'\]"):
+        run(source, tmp_path, pneumatic, mapping({"topic": "/valve", "to": "pressure_command"}))
+    with pytest.raises(MappingError, match="name one in a mapping file"):
+        replay(source, tmp_path / "twin", changes=Changes(scene=pneumatic))
+    with pytest.raises(ValueError, match="--scene rig"):
+        replay(source, tmp_path / "twin")
+    assert not (tmp_path / "twin").exists()
