@@ -19,7 +19,9 @@ setup(
     python_requires=">=3.10",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     # msg_defs in the package is a link to the interface package beside it: one source, readable without ROS.
-    package_data={NAME: ["py.typed", "scenes/*.yaml", "msg_defs/msg/*.msg", "msg_defs/srv/*.srv"]},
+    package_data={
+        NAME: ["py.typed", "scenes/*.yaml", "bridge/rigs/*.yaml", "msg_defs/msg/*.msg", "msg_defs/srv/*.srv"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
@@ -43,12 +45,16 @@ setup(
         "zstandard",
     ],
     extras_require={
+        # What the bridge needs for valve islands (Modbus TCP) and serial lines.
+        "rig": ["pymodbus>=3.16", "pyserial"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
         "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80"],
     },
     entry_points={
         "console_scripts": [
             "ldcs = ldcs_ros.cli.main:main",
+            "bridge = ldcs_ros.ros.bridge_node:main",
+            "mock_rig = ldcs_ros.ros.mock_rig_node:main",
             "sim = ldcs_ros.ros.sim_node:main",
         ],
     },

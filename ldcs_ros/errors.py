@@ -25,3 +25,11 @@ class DivergenceError(LdcsError, RuntimeError):
 
 class RecordingError(LdcsError, OSError):
     """A bag cannot be opened, written or mended."""
+
+
+class BridgeError(LdcsError, ValueError):
+    """A rig file, a mode or a command of the bridge is not sound: nothing was sent."""
+
+
+class LinkError(LdcsError, OSError):
+    """A link to a rig is down; the bridge vents, says so and tries again."""

@@ -28,7 +28,9 @@ ALLOWED = {
     "mapping": {"errors"},
     "replay": CORE | {"recording", "interface", "mapping", "plotting"},
     "cli": CORE | {"sensors", "recording", "interface", "plotting", "mapping", "replay"},
-    "ros": CORE | {"sensors", "recording", "interface"},
+    "ros": CORE | {"sensors", "recording", "interface", "bridge"},
+    "estimate": CORE,
+    "bridge": CORE | {"sensors", "recording", "interface", "estimate"},
     "__main__": {"cli"},
     "__init__": CORE,
 }

@@ -31,6 +31,8 @@ FROM_PYPI = {
     "lz4": "lz4",
     "mcap": "mcap",
     "mcap_ros2": "mcap-ros2-support",
+    "pymodbus": "pymodbus",
+    "serial": "pyserial",
     "threadpoolctl": "threadpoolctl",
     "zstandard": "zstandard",
 }

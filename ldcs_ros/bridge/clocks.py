@@ -1,0 +1,106 @@
+"""Clocks of a rig against the bridge's steady clock: offset, latency, jumps."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+JUMP = 0.15
+"""Smallest disagreement of stamps that is taken for a clock jump, not for a late message [s]."""
+_WINDOW = 200
+_SMOOTHING = 0.05
+
+
+class ClockEstimate:
+    """What one source's stamps tell about its clock.
+
+    Messages that only come in (one way) give offset and latency as a sum: the smallest of arrival minus
+    stamp over the last messages is taken as the offset, and what a message took longer as its latency. Where
+    the bridge asked and the rig answered with a stamp, half of the shortest round trip tells them apart
+    (Cristian 1989). A clock jump is a stamp further back than the one before, twice in a row, or an arrival
+    long before its time.
+
+    Attributes:
+        offset: Bridge's clock minus the rig's [s]; None while no stamp came.
+        latency: Smoothed time on the way, above the shortest one where nobody answers [s].
+        worst_latency: Largest since it was last taken [s].
+        jumps: Clock jumps seen.
+        last_jump: Size of the last one, positive when the rig's clock went forward [s].
+    """
+
+    def __init__(self) -> None:
+        self.offset: float | None = None
+        self.latency = 0.0
+        self.worst_latency = 0.0
+        self.jumps = 0
+        self.last_jump = 0.0
+        self._differences: deque[float] = deque(maxlen=_WINDOW)
+        self._round_trips: deque[tuple[float, float]] = deque(maxlen=_WINDOW)
+        self._last_stamp: float | None = None
+        self._behind = 0
+        self._lock = threading.Lock()  # a link's thread and the bridge's both report
+
+    def one_way(self, stamp: float, received: float) -> None:
+        """Take the rig's stamp [s] of a message that came at `received` [s]."""
+        difference = received - stamp
+        with self._lock:
+            if self._jumped(stamp, difference):
+                return
+            self._differences.append(difference)
+            if self.offset is None or not self._round_trips:
+                self.offset = min(self._differences)
+            self._count_latency(difference - self.offset)
+
+    def round_trip(self, sent: float, stamp: float, received: float) -> None:
+        """Take the stamp [s] of an answer to a question that was asked at `sent` and answered at `received` [s]."""
+        duration, offset = received - sent, 0.5 * (sent + received) - stamp
+        with self._lock:
+            believed = self.offset if self._round_trips else None
+            if believed is not None and abs(offset - believed) > JUMP + 0.5 * duration:
+                self._restart(believed - offset)
+            self._round_trips.append((duration, offset))
+            self.offset = min(self._round_trips)[1]
+            self._last_stamp = stamp
+            self._count_latency(0.5 * duration)
+
+    def local(self, stamp: float) -> float:
+        """Return a stamp of the rig on the bridge's clock [s].
+
+        Raises:
+            ValueError: No stamp has been taken yet.
+        """
+        if self.offset is None:
+            raise ValueError("no stamp of this clock has been seen yet")
+        return stamp + self.offset
+
+    def take_worst_latency(self) -> float:
+        """Return the largest latency since the last call [s]."""
+        worst, self.worst_latency = self.worst_latency, 0.0
+        return worst
+
+    def _jumped(self, stamp: float, difference: float) -> bool:
+        """Notice a jump and start over; return whether this message is to be ignored."""
+        before, offset = self._last_stamp, self.offset
+        if before is not None and offset is not None:
+            if difference < offset - JUMP:
+                self._restart(offset - difference)
+            elif stamp < before - JUMP:
+                self._behind += 1
+                if self._behind < 2:
+                    return True
+                self._restart(offset - difference)
+        self._behind = 0
+        self._last_stamp = stamp if before is None else max(stamp, self._last_stamp or stamp)
+        return False
+
+    def _restart(self, jump: float) -> None:
+        self.jumps += 1
+        self.last_jump = jump
+        self._differences.clear()
+        self._round_trips.clear()
+        self._last_stamp = None
+
+    def _count_latency(self, latency: float) -> None:
+        latency = max(latency, 0.0)
+        self.latency += _SMOOTHING * (latency - self.latency)
+        self.worst_latency = max(self.worst_latency, latency)

@@ -1,0 +1,33 @@
+"""`Reading`: one number or place that a rig reported, in SI, with the rig's stamp and the time it came."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+KINDS = ("pressure", "pressure_command", "position")
+ARM_NAMES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One value from a rig.
+
+    Attributes:
+        kind: 'pressure' (measured), 'pressure_command' (the set-point the rig works to) or 'position'.
+        name: Arm or point.
+        value: Gauge pressure [Pa], shape (), or position in ldcs_base [m], shape (3,).
+        received: When it came [s of the bridge's steady clock].
+        source: What brought it; each source has a clock of its own.
+        stamp: When the rig says it was [s of the rig's clock]; None if the rig does not say.
+        age: How much older than the stamp (or the arrival) the value is [s].
+    """
+
+    kind: str
+    name: str
+    value: np.ndarray
+    received: float
+    source: str
+    stamp: float | None = None
+    age: float = 0.0

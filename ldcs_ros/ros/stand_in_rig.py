@@ -1,0 +1,138 @@
+"""The stand-in rig as a node: parameters and topics around a Stand; faults are parameters that may change."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ldcs_ros import load_scene
+from ldcs_ros.bridge.mock.faults import Faults
+from ldcs_ros.bridge.mock.modbus_server import ModbusServer
+from ldcs_ros.bridge.mock.rig import Hidden, MockRig, hidden_scene
+from ldcs_ros.bridge.mock.serial_port import SerialPort
+from ldcs_ros.bridge.mock.stand import Speaker, Stand
+from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, Topics
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.ros.transport import message_type
+
+NODE_NAME = "mock_rig"
+TRANSPORTS = ("topics", "modbus", "serial")
+STATUS_PERIOD = 2.0
+PARAMETERS: dict[str, Any] = {
+    "scene": "rig",
+    "transport": "topics",
+    "controller": "wave",
+    "port": 0,
+    "rig_file": "",
+    "stiffness_factor": Hidden.stiffness,
+    "gain_factor": Hidden.gain,
+    "load": Hidden.load,
+    "tracker_delay": Hidden.tracker_delay,
+    "clock_epoch": 1000.0,
+}
+
+
+class StandInRig(Node):
+    """Runs a stand-in rig.
+
+    Attributes:
+        finished: Never set; it runs until it is stopped.
+
+    Raises:
+        LdcsError: A parameter does not fit; nothing was started.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME)
+        for name, default in PARAMETERS.items():
+            self.declare_parameter(name, default)
+        for field in dataclasses.fields(Faults):
+            self.declare_parameter(f"fault_{field.name}", field.default)
+        self.finished = threading.Event()
+        self._publishers_by_topic: dict[str, Any] = {}
+        self._rig = self._make_rig()
+        self._stand = Stand(self._rig, self._speakers())
+        self._turn(self.get_parameters([f"fault_{field.name}" for field in dataclasses.fields(Faults)]))
+        self.add_on_set_parameters_callback(self._turn)
+        self._stand.start()
+        self._write_rig_file()
+        self._status = self.create_timer(STATUS_PERIOD, self._tell)
+
+    def stop(self) -> None:
+        """End the rig."""
+        self._stand.stop()
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _make_rig(self) -> MockRig:
+        hidden = Hidden(
+            self._value("stiffness_factor"),
+            self._value("gain_factor"),
+            self._value("load"),
+            self._value("tracker_delay"),
+        )
+        scene = hidden_scene(load_scene(self._value("scene")), hidden)
+        controller, epoch = self._value("controller"), self._value("clock_epoch")
+        return MockRig(scene, controller=controller, clock=time.monotonic, epoch=epoch)
+
+    def _speakers(self) -> list[Speaker]:
+        transport = self._value("transport")
+        if transport not in TRANSPORTS:
+            raise BridgeError(f"unknown transport {transport!r}; expected one of {list(TRANSPORTS)}")
+        topics = Topics(self._rig, self._publish, pressures=transport == "topics")
+        for topic, kind in topics.outgoing().items():
+            self._publishers_by_topic[topic] = self.create_publisher(message_type(kind), topic, 50)
+        if transport == "topics":
+            self.create_subscription(message_type(ARRAY), COMMAND, topics.receive, 10, raw=True)
+            return [topics]
+        if transport == "modbus":
+            return [ModbusServer(self._rig, self._value("port")), topics]
+        return [SerialPort(self._rig), topics]
+
+    def _publish(self, topic: str, message_type: str, cdr: bytes) -> None:
+        self._publishers_by_topic[topic].publish(cdr)
+
+    def _write_rig_file(self) -> None:
+        text = self._stand.rig_file({})
+        path = self._value("rig_file")
+        if path:
+            # Written whole or not at all: a bridge may be waiting for it.
+            draft = Path(f"{path}.draft")
+            draft.parent.mkdir(parents=True, exist_ok=True)
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(path)
+            self.get_logger().info(f"a bridge connects with rig:={path}")
+        else:
+            self.get_logger().info(
+                f"a bridge connects with this rig file (-p rig_file:=PATH writes it):\n{text}"
+            )
+
+    def _turn(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+        for change in changes:
+            if not change.name.startswith("fault_"):
+                return SetParametersResult(successful=False, reason=f"{change.name} is fixed from the start")
+            try:
+                self._rig.faults.set(change.name.removeprefix("fault_"), change.value)
+            except BridgeError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _tell(self) -> None:
+        if self._stand.failure:
+            self.get_logger().error(f"the rig stopped: {self._stand.failure}")
+        left, right = (self._rig.pressure / 1e3).tolist()
+        peak = self._rig.peak / 1e3
+        print(
+            f"rig: left {left:6.1f} kPa, right {right:6.1f} kPa, peak {peak:6.1f} kPa",
+            file=sys.stderr,
+            flush=True,
+        )
