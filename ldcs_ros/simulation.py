@@ -111,6 +111,47 @@ class Simulation:
                 f"reduce dt or use an implicit integrator @ solver.dt"
             )
 
+    def start_from(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray | None = None,
+        *,
+        link_angle: np.ndarray | None = None,
+        link_rate: np.ndarray | None = None,
+    ) -> None:
+        """Put the sheet into a given shape at the present time and go on from there, commands kept.
+
+        What an effect prescribes (clamped nodes, driven edges) stays where it holds it. A state that this
+        simulation had goes to `reset` instead, which resumes it to the bit.
+
+        Args:
+            position: Node positions in ldcs_base [m], shape (n_nodes, 3).
+            velocity: Node velocities in ldcs_base [m/s], same shape; None for a sheet at rest.
+            link_angle: Link angles [rad], shape (n_arms, n_links); None for straight arms.
+            link_rate: Their rates [rad/s], same shape; None for arms at rest.
+
+        Raises:
+            ValueError: A shape is wrong or a number is not finite; nothing changed.
+        """
+        q, u = self.model.rest()
+        n = 3 * self.lattice.n_nodes
+        for name, value, target, shape in (
+            ("position", position, q[:n], (self.lattice.n_nodes, 3)),
+            ("velocity", velocity, u[:n], (self.lattice.n_nodes, 3)),
+            ("link_angle", link_angle, q[n:], (len(self.arm_names), self.model.n_angles // 2)),
+            ("link_rate", link_rate, u[n:], (len(self.arm_names), self.model.n_angles // 2)),
+        ):
+            if value is None:
+                continue
+            array = np.asarray(value, dtype=float)
+            if array.shape != shape or not np.isfinite(array).all():
+                got = f"shape {array.shape}" if array.shape != shape else "a number that is not finite"
+                raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
+            target[:] = array.ravel()
+        self.model.prescribe(self.time, q, u)
+        self.integrator.recall(self._fresh)
+        self._begin(q, u)
+
     def advance_to(self, time: float) -> None:
         """Advance to a simulation time [s]; commands and valves act at their own times on the way.
 
@@ -145,6 +186,11 @@ class Simulation:
             pressure=self.inputs.chamber_pressure(self.time),
             memory=(memory, self.inputs.snapshot(), self.integrator.memory),
         )
+
+    @property
+    def last_step(self) -> Step:
+        """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
+        return self._step
 
     @property
     def lattice(self) -> Lattice:
