@@ -16,6 +16,8 @@ from ldcs_ros.physics.model import Model
 class Inputs:
     """Commands of a simulation; each `set_...` takes effect at the present simulation time or is refused whole.
 
+    A command that repeats what is commanded already costs nothing.
+
     Attributes:
         pressure: Commanded gauge pressure of each arm [Pa], shape (2,), or None without a pressure drive.
         torque: Commanded torque of each joint [N m], shape (2, n_links), or None without a torque drive.
@@ -56,7 +58,10 @@ class Inputs:
         limit = self._arms.pressure_limit
         if (target < 0.0).any() or (target > limit).any():
             raise CommandError(f"pressure: got {_shown(target)} Pa, expected 0 ... {limit:g} Pa (gauge)")
-        self.pressure = np.broadcast_to(target, (2,)).copy()
+        target = np.broadcast_to(target, (2,))
+        if np.array_equal(target, self.pressure):
+            return
+        self.pressure = target.copy()
         targets = tuple(float(p) for p in self.pressure)
         if self._arms.dead_time > 0.0:
             self._pending += ((self._clock() + self._arms.dead_time, targets),)
@@ -84,7 +89,10 @@ class Inputs:
             )
         if torque.shape == (2,):
             torque = torque[:, None]
-        self.torque = np.broadcast_to(torque, (2, links)).copy()
+        torque = np.broadcast_to(torque, (2, links))
+        if np.array_equal(torque, self.torque):
+            return
+        self.torque = torque.copy()
         self.version += 1
 
     def set_wrench(self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)) -> None:
@@ -117,8 +125,9 @@ class Inputs:
                     f"wrench.{name}: got {_shown(vector)}, expected a magnitude of at most {limit:g}"
                 )
             held[name] = (float(vector[0]), float(vector[1]), float(vector[2]))
-        self.wrenches = {**self.wrenches, frame: Wrench(**held)}
-        self.version += 1
+        if self.wrenches.get(frame) != Wrench(**held):
+            self.wrenches = {**self.wrenches, frame: Wrench(**held)}
+            self.version += 1
 
     def clear_wrench(self, frame: str) -> None:
         """Let go of the wrench at a frame, if there is one."""

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ldcs_ros.scene.scene import Scene
 
 DEFAULT_INTEGRATOR = "esdirk43"
+# Events closer than this are one: 0.34 + 0.02 and 0.36 differ by rounding, and no step fits between them [s].
+SAME_TIME = 1e-9
 
 
 @dataclass
@@ -70,7 +72,7 @@ class Simulation:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         try:
-            self.model = Model(scene.lattice, scene.points, scene.effects)
+            self.model = Model(scene.lattice, scene.points, scene.effects, scene.material)
         except ValueError as error:
             raise SceneError(f"{error} @ effects") from error
         if not self.model.free.size:
@@ -273,10 +275,11 @@ class Simulation:
     def _advance(self, time: float) -> None:
         self._take_commands()
         while True:
-            stop = min(time, self._next_event())
+            event = self._next_event()
+            stop = time if event > time - SAME_TIME else event
             self._integrate_to(stop)
             self.time = stop
-            if self._next_event() > time:
+            if event > time + SAME_TIME:
                 break
             self._run_events(stop)
 
@@ -284,9 +287,10 @@ class Simulation:
         return self._step.at(self.time, self.model)
 
     def _integrate_to(self, stop: float) -> None:
-        while self._step.right.time < stop:
+        while self._step.right.time < stop - SAME_TIME:
             start = self._step.right
-            barrier = min([self._next_event(), *(b for b in self.model.breakpoints if b > start.time)])
+            corners = (self._next_event(), *self.model.breakpoints)
+            barrier = min((time for time in corners if time > start.time + SAME_TIME), default=math.inf)
             step, pace = self._control.advance(start, self._held, self._pace, barrier)
             self._step = step
             self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
@@ -311,14 +315,14 @@ class Simulation:
         return min(scheduled, self.inputs.next_switch())
 
     def _run_events(self, time: float) -> None:
-        while self.inputs.next_switch() <= time:
+        while self.inputs.next_switch() <= time + SAME_TIME:
             self.inputs.switch()
         self._run_schedule(time)
         self._take_commands()
 
     def _run_schedule(self, time: float) -> None:
         schedule = self.scene.inputs
-        while self._next_command < len(schedule) and schedule[self._next_command].time <= time:
+        while self._next_command < len(schedule) and schedule[self._next_command].time <= time + SAME_TIME:
             index, self._next_command = self._next_command, self._next_command + 1
             try:
                 self.inputs.follow(schedule[index])

@@ -23,12 +23,14 @@ class Lattice:
     Attributes:
         size: Length along x, width along y, distance between the layers [m].
         nodes: Number of nodes along x and y.
-        mass: Mass of the whole sheet [kg], shared equally by all nodes.
+        mass: Mass of the whole sheet [kg].
+        mass_by_area: Share it by the area that each node stands for; otherwise equally, as the paper does.
     """
 
     size: tuple[float, float, float]
     nodes: tuple[int, int]
     mass: float
+    mass_by_area: bool = False
 
     @property
     def n_nodes(self) -> int:
@@ -72,6 +74,8 @@ class Lattice:
     @cached_property
     def node_mass(self) -> np.ndarray:
         """Mass of each node [kg], shape (n_nodes,)."""
+        if self.mass_by_area:
+            return self.mass * self.node_area / self.node_area.sum()
         return np.full(self.n_nodes, self.mass / self.n_nodes)
 
     @cached_property

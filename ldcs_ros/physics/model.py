@@ -11,6 +11,7 @@ import numpy as np
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 
 
@@ -41,11 +42,18 @@ class Model:
         lattice: The lattice.
         points: Named points, for effects that refer to them.
         effects: The effects, in the scene's order.
+        material: What the springs are made of, if they are not given by their stiffness.
     """
 
-    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Sequence[Effect]) -> None:
+    def __init__(
+        self,
+        lattice: Lattice,
+        points: dict[str, Point],
+        effects: Sequence[Effect],
+        material: Material | None = None,
+    ) -> None:
         self.lattice, self.points, self.effects = lattice, points, tuple(effects)
-        assembly = Assembly(lattice, points, lattice.node_mass.copy())
+        assembly = Assembly(lattice, points, lattice.node_mass.copy(), material=material)
         for effect in self.effects:
             if effect.name == "gravity":
                 assembly.gravity = assembly.gravity + np.array(effect.acceleration)  # type: ignore[attr-defined]

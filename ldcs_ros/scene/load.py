@@ -83,7 +83,8 @@ def _read(path: Path) -> str:
 
 def _scene(name: str, content: Any, text: str, origin: str) -> Scene:
     block = schema.check_mapping(content, schema.TOP_KEYS, "", required=("lattice", "effects"))
-    lattice = schema.check_lattice(block["lattice"], "lattice")
+    material = schema.check_material(block["material"], "material") if "material" in block else None
+    lattice = schema.check_lattice(block["lattice"], material, "lattice")
     points = schema.check_points(block.get("points", {}), lattice, "points")
     title = block.get("title", name)
     if not isinstance(title, str):
@@ -97,6 +98,7 @@ def _scene(name: str, content: Any, text: str, origin: str) -> Scene:
         inputs=schema.check_inputs(block.get("inputs", []), "inputs"),
         sensors=schema.check_sensors(block.get("sensors", {}), lattice, points, "sensors"),
         solver=schema.check_solver(block["solver"], "solver") if "solver" in block else Solver(),
+        material=material,
         text=text,
     )
     return scene

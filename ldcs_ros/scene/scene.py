@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class Scene:
         inputs: Schedule of commands, by time.
         sensors: Parameters of each sensor by name; empty means that none is computed.
         solver: How to integrate.
+        material: What the sheet is made of, if it is not given by mass, stiffness and damping.
         text: The scene as YAML text, for bags.
     """
 
@@ -53,6 +55,7 @@ class Scene:
     inputs: tuple[ScheduledCommand, ...] = ()
     sensors: dict[str, dict[str, Any]] = field(default_factory=dict)
     solver: Solver = Solver()
+    material: Material | None = None
     text: str = ""
 
     def effect(self, name: str) -> Any:

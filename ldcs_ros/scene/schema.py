@@ -13,11 +13,12 @@ from ldcs_ros.physics.effects import EFFECTS, effect_class
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.quantity import check_choice, check_number, did_you_mean
 from ldcs_ros.scene.scene import Solver
 
-TOP_KEYS = ("title", "lattice", "points", "effects", "inputs", "sensors", "solver")
+TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side: a memory limit, far above what is useful
 # Effects that a scene may name more than once.
 REPEATABLE = ("clamp", "force", "payload")
@@ -76,9 +77,17 @@ def check_vector(
     return tuple(check_scalar(item, f"{path}[{i}]", low=low, unit=unit) for i, item in enumerate(value))
 
 
-def check_lattice(value: Any, path: str) -> Lattice:
-    """Return the lattice of `lattice: {size, nodes, mass}`."""
-    block = check_mapping(value, ("size", "nodes", "mass"), path, required=("size", "nodes", "mass"))
+def check_material(value: Any, path: str) -> Material:
+    """Return the material of `material: {youngs_modulus, poisson, density}`."""
+    return Material(**_checked_fields(Material, value, path))
+
+
+def check_lattice(value: Any, material: Material | None, path: str) -> Lattice:
+    """Return the lattice of `lattice: {size, nodes, mass}`; a material has a density, and no mass is named."""
+    keys = ("size", "nodes") if material else ("size", "nodes", "mass")
+    if material and isinstance(value, dict) and "mass" in value:
+        raise SceneError(f"a material has a density already; drop the mass @ {path}.mass")
+    block = check_mapping(value, keys, path, required=keys)
     size = check_vector(block["size"], 3, f"{path}.size", unit="m", low=1e-6)
     nodes = block["nodes"]
     if (
@@ -89,8 +98,11 @@ def check_lattice(value: Any, path: str) -> Lattice:
         raise SceneError(
             f"got {_shown(nodes)}, expected two whole numbers of 2 ... {MOST_NODES} nodes @ {path}.nodes"
         )
+    shape = (size[0], size[1], size[2])
+    if material:
+        return Lattice(shape, (nodes[0], nodes[1]), material.mass(shape), mass_by_area=True)
     mass = check_scalar(block["mass"], f"{path}.mass", low=1e-9, high=1e6, unit="kg")
-    return Lattice((size[0], size[1], size[2]), (nodes[0], nodes[1]), mass)
+    return Lattice(shape, (nodes[0], nodes[1]), mass)
 
 
 def check_points(value: Any, lattice: Lattice, path: str) -> dict[str, Point]:
@@ -133,23 +145,30 @@ def check_effects(value: Any, lattice: Lattice, points: dict[str, Point], path: 
 def _check_effect(
     cls: type, block: dict[str, Any], lattice: Lattice, points: dict[str, Point], path: str
 ) -> Effect:
+    values = {key: value for key, value in block.items() if key != "type"}
+    effect: Effect = cls(**_checked_fields(cls, values, path, extra=("type",)))
+    for field in dataclasses.fields(cls):
+        if field.metadata.get("place"):
+            where = getattr(effect, field.name)
+            _located(lambda where=where: point_at(lattice, where, points), f"{path}.{field.name}")
+    return effect
+
+
+def _checked_fields(cls: type, block: Any, path: str, *, extra: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return the values of a dataclass declared with `quantity`, `choice`, `words` and `place`."""
     fields = {field.name: field for field in dataclasses.fields(cls)}
     required = tuple(name for name, field in fields.items() if field.default is dataclasses.MISSING)
-    check_mapping(block, ("type", *fields), path, required=required)
+    check_mapping(block, (*extra, *fields), path, required=required)
     values: dict[str, Any] = {}
     for key, value in block.items():
-        if key == "type":
-            continue
         field, where = fields[key], f"{path}.{key}"
         if "options" in field.metadata:
             values[key] = _located(lambda value=value, field=field: check_choice(value, field), where)
         elif field.metadata.get("place"):
-            _located(lambda value=value: point_at(lattice, value, points), where)
             values[key] = tuple(value) if isinstance(value, list) else value
         else:
             values[key] = _located(lambda value=value, field=field: check_number(value, field), where)
-    effect: Effect = cls(**values)
-    return effect
+    return values
 
 
 def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
@@ -197,6 +216,8 @@ def check_sensors(
                     f"got {_shown(tracked)}, expected a list of different points @ {where}.points"
                 )
             for item in tracked:
+                if not isinstance(item, str):
+                    raise SceneError(f"got {_shown(item)}, expected the name of a point @ {where}.points")
                 _located(lambda item=item: point_at(lattice, item, points), f"{where}.points")
             values["points"] = tuple(tracked)
         for key, (default, low, high, unit) in known.items():

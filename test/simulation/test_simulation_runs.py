@@ -67,6 +67,24 @@ def test_a_command_acts_at_the_time_advanced_to():
     np.testing.assert_allclose(simulation.state.pressure, before * np.exp(-1.0), rtol=2e-3)
 
 
+def test_events_a_rounding_apart_are_one():
+    # Dead time 0.02 s: 0.34 + 0.02 is 0.36000000000000004, a hair after the look at 0.36.
+    simulation = load_scene("rig").build()
+    for k in range(5, 60):
+        simulation.advance_to(k / 50)
+        simulation.inputs.set_pressure(100e3 * (1 - k / 60))
+    assert np.isfinite(simulation.state.position).all()
+
+
+def test_a_command_that_repeats_the_last_costs_no_step():
+    calm, repeating = load_scene("rig").build(), load_scene("rig").build()
+    for k in range(1, 50):
+        repeating.inputs.set_pressure(140e3)
+        repeating.advance_to(k / 100)
+    calm.advance_to(0.49)
+    np.testing.assert_array_equal(calm.state.position, repeating.state.position)
+
+
 def test_pressure_rises_and_falls_with_its_own_time_constants_and_stays_within_its_limits():
     simulation = load_scene("rig").build()
     course = []
@@ -87,10 +105,10 @@ def test_a_schedule_yields_to_whoever_commands():
 
 
 def test_commands_in_a_row_cost_no_accuracy():
-    # 100 Hz commands that all say the same: what was integrated past each is dropped and taken again.
+    # 100 Hz commands that say the same but for rounding: what was integrated past each is dropped and taken again.
     calm, nervous = load_scene("paper").build(), load_scene("paper").build()
     for k in range(1, 41):
-        nervous.inputs.set_torque(0.1392)
+        nervous.inputs.set_torque(0.1392 + 1e-14 * (k % 2))
         nervous.advance_to(k / 100)
     calm.advance_to(0.4)
     assert np.abs(calm.state.position - nervous.state.position).max() < 2e-5  # each within the asked 1e-5

@@ -21,6 +21,7 @@ import numpy as np
 
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
 
 NO_ENTRIES = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
@@ -37,6 +38,7 @@ class Assembly:
         points: Named points of the scene.
         node_mass: Mass of each node with what effects added [kg], shape (n_nodes,).
         gravity: Acceleration of gravity in ldcs_base [m/s^2], zero if the scene names none.
+        material: What the springs are made of; None if they have a stiffness of their own.
         n_angles: Number of arm coordinates after the nodes' coordinates.
     """
 
@@ -44,6 +46,7 @@ class Assembly:
     points: dict[str, Point]
     node_mass: np.ndarray
     gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    material: Material | None = None
     n_angles: int = 0
 
     def point(self, place: object) -> Point:

@@ -43,10 +43,19 @@ class Springs(Effect):
     )
 
     def bind(self, assembly: Assembly) -> Term:
-        """Return the term of the chosen law."""
-        lattice = assembly.lattice
+        """Return the term of the chosen law.
+
+        Raises:
+            ValueError: A material with a law that its spring families were not derived for.
+        """
+        lattice, material = assembly.lattice, assembly.material
+        if material is not None and self.law != "axial":
+            raise ValueError(f"springs: a material goes with law: axial, got {self.law!r}; drop one of them")
         if self.law == "axial":
-            return AxialTerm(lattice, self.stiffness, self.damping)
+            if material is None:
+                return AxialTerm(lattice, self.stiffness, self.damping)
+            stiffness = material.stiffness(lattice)
+            return AxialTerm(lattice, stiffness, material.relaxation_time * stiffness)
         if self.law == "axiswise":
             return AxiswiseTerm(lattice, self.stiffness, self.damping)
         from ldcs_ros.physics.corotational import CorotationalTerm
@@ -63,12 +72,12 @@ class SpringTerm(Term):
 
     name = Springs.name
 
-    def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
+    def __init__(self, lattice: Lattice, stiffness: float | np.ndarray, damping: float | np.ndarray) -> None:
         self.lattice = lattice
         self.a = np.ascontiguousarray(lattice.springs[:, 0])
         self.b = np.ascontiguousarray(lattice.springs[:, 1])
-        self.k = np.full(len(self.a), stiffness)
-        self.c = np.full(len(self.a), damping)
+        self.k = np.broadcast_to(stiffness, self.a.shape).astype(float)
+        self.c = np.broadcast_to(damping, self.a.shape).astype(float)
 
     def entries(self) -> tuple[np.ndarray, np.ndarray]:
         nodes = np.arange(self.lattice.n_nodes)
@@ -82,7 +91,7 @@ class SpringTerm(Term):
 class AxialTerm(SpringTerm):
     """f = T n on a and -T n on b, with T = k (L - L0) + c n . (v_b - v_a)."""
 
-    def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
+    def __init__(self, lattice: Lattice, stiffness: float | np.ndarray, damping: float | np.ndarray) -> None:
         super().__init__(lattice, stiffness, damping)
         self.rest_length = lattice.rest_length
         self.rest_axis = lattice.rest_vector / lattice.rest_length[:, None]
