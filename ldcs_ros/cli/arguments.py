@@ -24,7 +24,7 @@ def metres(text: str) -> float:
 
 def instant(text: str) -> float:
     """A time in seconds, zero or later, finite."""
-    value = _number(text, what="time", unit="s")
+    value = number(text, what="time", unit="s")
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"time is '{text}', expected 0 s or later")
     return value
@@ -38,13 +38,14 @@ def seed(text: str) -> int:
 
 
 def _positive(text: str, *, what: str, unit: str) -> float:
-    value = _number(text, what=what, unit=unit)
+    value = number(text, what=what, unit=unit)
     if value <= 0.0:
         raise argparse.ArgumentTypeError(f"{what} is '{text}', expected a number above 0 {unit}")
     return value
 
 
-def _number(text: str, *, what: str, unit: str) -> float:
+def number(text: str, *, what: str, unit: str) -> float:
+    """A finite number; the complaint names what it is and its unit."""
     try:
         value = float(text)
     except ValueError:

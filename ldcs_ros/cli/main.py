@@ -29,6 +29,7 @@ class Verb(NamedTuple):
 VERBS: dict[str, Verb] = {
     "simulate": Verb("ldcs_ros.cli.simulate", "run a scene as fast as it can, record a bag"),
     "replay": Verb("ldcs_ros.cli.replay", "feed a bag's commands to the twin again, check the outcome"),
+    "compare": Verb("ldcs_ros.cli.compare", "compare two bags: numbers, pictures, limits"),
     "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
     "recover": Verb("ldcs_ros.cli.recover", "mend a bag that a killed process left"),
     "scenes": Verb("ldcs_ros.cli.scenes", "list the shipped scenes"),

@@ -1,0 +1,100 @@
+"""`ldcs compare`: how far two recordings are apart, in numbers and pictures, with limits for machines to check."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ldcs_ros.cli.arguments import metres
+from ldcs_ros.cli.output import print_json, print_pairs
+
+DESCRIPTION = """\
+Compare two recordings: two runs of the twin, or a run with a rig's bag. A constant offset of the clocks is estimated
+from the motion and told (two runs in simulation time are taken as they are). Differences are A minus B: RMS, 95th
+percentile, maximum, also over the side length. Writes compare.md, compare.png, and surface_error.png where both
+recorded the nodes. With a tolerance file the exit status is 1 when a limit is broken."""
+EXAMPLE = """\
+ldcs compare out/paper out/lighter
+  ldcs compare out/twin_of_rig rig_bag --map-b rig_topics.yaml --relative -o report
+  ldcs compare out/today bags/paper --tolerances limits.yaml --json
+
+tolerance file (SI; figures rms, p95, max, mean, end, normalised_rms):
+  P1: {max: 1.0e-3, rms: 5.0e-4}
+  P1.z: {end: 2.0e-4}
+  surface: {max: 2.0e-5}"""
+
+EXIT_CHECK_FAILED = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("a", metavar="A", type=Path, help="bag folder, .mcap or .db3 file")
+    parser.add_argument("b", metavar="B", type=Path, help="the one that A is compared with")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, help="folder for the report; A_vs_B beside A"
+    )
+    for side in ("a", "b"):
+        parser.add_argument(
+            f"--map-{side}", metavar="FILE", type=Path, help=f"what the topics of {side.upper()} mean (YAML)"
+        )
+    parser.add_argument("--tolerances", metavar="FILE", type=Path, help="limits to check (YAML)")
+    parser.add_argument(
+        "--offset",
+        metavar="S",
+        default="auto",
+        help="what B's clock is ahead of A's [s]; auto (default); estimate: also for two simulations",
+    )
+    parser.add_argument(
+        "--measured", action="store_true", help="take what a twin's tracker reports, not the truth"
+    )
+    parser.add_argument(
+        "--relative", action="store_true", help="compare what changed since the first common time"
+    )
+    parser.add_argument(
+        "--side-length", metavar="M", type=metres, help="length of the sheet, if no scene says [m]"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare, write the report, print a summary; status 0, or 1 if a limit is broken."""
+    from ldcs_ros.compare.comparison import Options, compare
+    from ldcs_ros.compare.output import write_report
+    from ldcs_ros.compare.report import as_dict, summary
+    from ldcs_ros.compare.tolerances import load_tolerances
+    from ldcs_ros.mapping import load_mapping
+    from ldcs_ros.recording import read_bag
+
+    offset, estimate = _offset(arguments.offset)
+    options = Options(
+        mappings=(
+            None if arguments.map_a is None else load_mapping(arguments.map_a),
+            None if arguments.map_b is None else load_mapping(arguments.map_b),
+        ),
+        offset=offset,
+        estimate=estimate,
+        measured=arguments.measured,
+        relative=arguments.relative,
+        side_length=arguments.side_length,
+        tolerances=None if arguments.tolerances is None else load_tolerances(arguments.tolerances),
+    )
+    comparison = compare(read_bag(arguments.a), read_bag(arguments.b), options)
+    folder = arguments.output or arguments.a.with_name(f"{arguments.a.stem}_vs_{arguments.b.stem}")
+    files = write_report(comparison, folder)
+    if arguments.json:
+        print_json(as_dict(comparison, [str(path) for path in files]))
+    else:
+        print_pairs(summary(comparison))
+        for path in files:
+            print(path)
+    return 0 if comparison.passed else EXIT_CHECK_FAILED
+
+
+def _offset(text: str) -> tuple[float | None, bool]:
+    from ldcs_ros.cli.arguments import CommandLineError, number
+
+    if text in ("auto", "estimate"):
+        return None, text == "estimate"
+    try:
+        return number(text, what="offset", unit="s"), False
+    except argparse.ArgumentTypeError as error:
+        raise CommandLineError(f"--offset: {error}, or 'auto', or 'estimate'") from error

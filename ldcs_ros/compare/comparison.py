@@ -1,0 +1,148 @@
+"""A comparison from end to end: two recordings to offset, differences and checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ldcs_ros.compare.alignment import Offset, estimate_offset
+from ldcs_ros.compare.difference import ChannelDifference, Figures, channel_difference
+from ldcs_ros.compare.field import FieldDifference, field_difference
+from ldcs_ros.compare.side import Side, side_of
+from ldcs_ros.compare.tolerances import Check, Tolerances, check
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.mapping import Mapping
+
+SURFACE = "surface"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to compare.
+
+    Attributes:
+        mappings: What the topics of A and of B mean; None for a twin's bag, or to guess.
+        offset: What B's clock is ahead of A's [s]; None to estimate it unless both are simulation time.
+        estimate: Use the estimate even if both are simulation time.
+        measured: Take what a twin's tracker reports, not the truth.
+        relative: Compare what changed since the first common time.
+        side_length: Length of the sheet [m]; None for what the scenes say.
+        tolerances: Limits; empty for none.
+    """
+
+    mappings: tuple[Mapping | None, Mapping | None] = (None, None)
+    offset: float | None = None
+    estimate: bool = False
+    measured: bool = False
+    relative: bool = False
+    side_length: float | None = None
+    tolerances: Tolerances | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came out.
+
+    Attributes:
+        a, b: The two sides.
+        offset: How their clocks stand.
+        channels: Differences by channel.
+        surface: Difference of all nodes; None unless both recorded them.
+        side_length: Length of the sheet [m]; None if nobody says.
+        relative: What is compared is what changed since the first common time.
+        only: Channels that only one side has, in words.
+        checks: Limits and what came out.
+    """
+
+    a: Side
+    b: Side
+    offset: Offset
+    channels: dict[str, ChannelDifference]
+    surface: FieldDifference | None
+    side_length: float | None
+    relative: bool
+    only: tuple[str, ...]
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Every limit is kept."""
+        return all(one.passed for one in self.checks)
+
+
+def compare(recording_a: Any, recording_b: Any, options: Options) -> Comparison:
+    """Return how two recordings differ, A - B.
+
+    Raises:
+        RecordingError: They have nothing in common.
+        MappingError: A mapping does not fit.
+        ToleranceError: A limit is for something that was not compared.
+    """
+    names = _names(recording_a.name, recording_b.name)
+    a, b = (
+        side_of(recording, name=name, mapping=mapping, measured=options.measured)
+        for recording, name, mapping in zip((recording_a, recording_b), names, options.mappings, strict=True)
+    )
+    pairs = {
+        name: (series, b.series[name])
+        for name, series in a.series.items()
+        if name in b.series and b.series[name].unit == series.unit
+    }
+    offset = _offset(pairs, a, b, options)
+    length = options.side_length or a.side_length or b.side_length
+    channels = {}
+    for name, (ours, theirs) in pairs.items():
+        found = channel_difference(
+            name, ours, theirs, offset.value, side_length=length, relative=options.relative
+        )
+        if found is not None:
+            channels[name] = found
+    surface = None
+    if a.surface is not None and b.surface is not None:
+        surface = field_difference(a.surface, b.surface, offset.value, side_length=length)
+    if not channels and surface is None:
+        raise RecordingError(
+            f"{recording_a.name} and {recording_b.name} have no channel in common at one time: "
+            f"{sorted(a.series)} against {sorted(b.series)}; name the topics in a mapping file"
+        )
+    comparison = Comparison(a, b, offset, channels, surface, length, options.relative, _only(a, b))
+    if not options.tolerances:
+        return comparison
+    return replace(comparison, checks=tuple(check(options.tolerances, _figures(comparison))))
+
+
+def _offset(pairs: Any, a: Side, b: Side, options: Options) -> Offset:
+    estimated = estimate_offset(pairs)
+    if options.offset is not None:
+        return replace(estimated, value=options.offset, reason="given")
+    if a.in_simulation_time and b.in_simulation_time and not options.estimate:
+        return replace(estimated, value=0.0, reason="both are in simulation time")
+    return estimated
+
+
+def _figures(comparison: Comparison) -> list[tuple[str, Figures, str]]:
+    found: list[tuple[str, Figures, str]] = []
+    for name, channel in comparison.channels.items():
+        found.append((name, channel.overall, channel.unit))
+        found += [
+            (f"{name}.{axis}", one, channel.unit)
+            for axis, one in channel.figures.items()
+            if axis not in ("", "distance")
+        ]
+    if comparison.surface is not None:
+        found.append((SURFACE, comparison.surface.figures, "m"))
+    return found
+
+
+def _names(a: str, b: str) -> tuple[str, str]:
+    one, two = Path(a).name, Path(b).name
+    return (a, b) if one == two else (one, two)
+
+
+def _only(a: Side, b: Side) -> tuple[str, ...]:
+    told = [f"{name} (only in {a.name})" for name in sorted(a.series.keys() - b.series.keys())]
+    told += [f"{name} (only in {b.name})" for name in sorted(b.series.keys() - a.series.keys())]
+    if (a.surface is None) != (b.surface is None):
+        told.append(f"{SURFACE} (only in {b.name if a.surface is None else a.name})")
+    return tuple(told)

@@ -1,0 +1,156 @@
+"""Pictures of a comparison: both sides and their difference against time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ldcs_ros.compare.comparison import Comparison
+from ldcs_ros.compare.difference import ChannelDifference
+from ldcs_ros.compare.words import SHOWN, milliseconds, number
+from ldcs_ros.plotting.style import (
+    AXIS_COLOURS,
+    INK,
+    LABEL_SIZE,
+    LINE_COLOURS,
+    SOFT_INK,
+    dress,
+    heading,
+    new_figure,
+)
+
+_ROW = 2.2  # inches
+_HEAD = 0.75
+_FOOT = 0.5
+_MOST_NAMED = 4
+
+
+def channels_figure(comparison: Comparison) -> Figure | None:
+    """Draw a row for each point, for the pressures and for the joints: both sides left, the difference right."""
+    rows = _rows(comparison)
+    if not rows:
+        return None
+    height = _ROW * len(rows) + _HEAD + _FOOT
+    figure = new_figure(9.2, height)
+    grid = figure.add_gridspec(
+        len(rows),
+        2,
+        left=0.075,
+        right=0.985,
+        bottom=_FOOT / height,
+        top=1.0 - _HEAD / height,
+        hspace=0.42,
+        wspace=0.2,
+    )
+    for number_of_row, (title, channels) in enumerate(rows):
+        both, apart = (figure.add_subplot(grid[number_of_row, k]) for k in (0, 1))
+        last = number_of_row == len(rows) - 1
+        _draw_row(both, apart, title, channels, comparison, last=last)
+    a, b = comparison.a.name, comparison.b.name
+    note = f"lines: {a}   dots: {b}   clock offset {milliseconds(comparison.offset.value)}, {comparison.offset.reason}"
+    heading(figure, f"{a} against {b}", note)
+    return figure
+
+
+def _rows(comparison: Comparison) -> list[tuple[str, list[ChannelDifference]]]:
+    channels = list(comparison.channels.values())
+    rows = [(channel.name, [channel]) for channel in channels if channel.unit == "m"]
+    for unit, title in (("Pa", "pressure"), ("rad", "joints")):
+        of_unit = [channel for channel in channels if channel.unit == unit]
+        if of_unit:
+            rows.append((title, of_unit))
+    return rows
+
+
+def _draw_row(
+    both: Axes,
+    apart: Axes,
+    title: str,
+    channels: list[ChannelDifference],
+    comparison: Comparison,
+    *,
+    last: bool,
+) -> None:
+    shown, factor = SHOWN[channels[0].unit]
+    lines = _lines(channels)
+    for label, colour, time, a, b, rms in lines:
+        # From where A begins: a picture of a motion, not of a place.
+        origin = a[0] if channels[0].unit == "m" else 0.0
+        both.plot(time, factor * (a - origin), color=colour, linewidth=1.5)
+        every = max(1, len(time) // 60)
+        style: dict[str, Any] = {"color": colour, "linestyle": "none", "marker": "o", "markersize": 2.6}
+        both.plot(time[::every], factor * (b - origin)[::every], alpha=0.75, **style)
+        text = f"{label}  {number(rms, channels[0].unit)}" if len(lines) <= _MOST_NAMED else ""
+        apart.plot(time, factor * (a - b), color=colour, linewidth=1.2, label=text)
+    apart.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
+    what = {"m": "displacement", "Pa": "gauge pressure", "rad": "angle"}[channels[0].unit]
+    x_label = f"time of {comparison.a.name} [s]" if last else ""
+    dress(both, x_label=x_label, y_label=f"{what} [{shown}]", title=title)
+    dress(apart, x_label=x_label, y_label=f"difference [{shown}]")
+    for axes in (both, apart):
+        axes.margins(x=0.01, y=0.12)
+    _key(apart, lines, channels[0].unit, shown)
+
+
+def _key(apart: Axes, lines: list[Any], unit: str, shown: str) -> None:
+    if len(lines) > _MOST_NAMED:
+        rms = np.sqrt(np.mean([line[5] ** 2 for line in lines]))
+        apart.set_title(
+            f"RMS {number(float(rms), unit)} {shown} over {len(lines)} channels",
+            fontsize=LABEL_SIZE,
+            color=INK,
+            loc="right",
+        )
+        return
+    legend = apart.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 0.98),
+        ncol=_MOST_NAMED,
+        fontsize=LABEL_SIZE,
+        frameon=False,
+        title=None,
+        handlelength=1.2,
+        columnspacing=1.2,
+        borderpad=0.0,
+    )
+    apart.set_title(f"RMS [{shown}]", fontsize=LABEL_SIZE, color=INK, loc="left")
+    for text in legend.get_texts():
+        text.set_color(INK)
+
+
+def _lines(channels: list[ChannelDifference]) -> list[Any]:
+    """Return (label, colour, time, a, b, RMS) of each component."""
+    if channels[0].unit == "m":
+        channel = channels[0]
+        return [
+            (axis, colour, channel.time, channel.a[:, k], channel.b[:, k], channel.figures[axis].rms)
+            for k, (axis, colour) in enumerate(AXIS_COLOURS.items())
+        ]
+    names: dict[str, list[ChannelDifference]] = {}
+    for channel in channels:
+        names.setdefault(_short(channel), []).append(channel)
+    lines = []
+    for k, (name, alike) in enumerate(names.items()):
+        # The two arms do the same more often than not.
+        one = alike[0]
+        same = len(alike) > 1 and all(_close(one, other) for other in alike[1:])
+        for channel in alike[:1] if same else alike:
+            label = name if same or len(alike) == 1 else f"{channel.name.split('/')[-1].split('_')[0]} {name}"
+            colour = LINE_COLOURS[(k if same else len(lines)) % len(LINE_COLOURS)]
+            lines.append((label, colour, channel.time, channel.a[:, 0], channel.b[:, 0], channel.overall.rms))
+    return lines
+
+
+def _short(channel: ChannelDifference) -> str:
+    if channel.unit == "Pa":
+        return channel.name.split("/")[0]
+    return channel.name.split("/")[-1].removeprefix("left_").removeprefix("right_").removeprefix("joint_")
+
+
+def _close(one: ChannelDifference, other: ChannelDifference) -> bool:
+    return one.a.shape == other.a.shape and bool(
+        np.allclose(one.a, other.a, rtol=0.0, atol=1e-6) and np.allclose(one.b, other.b, rtol=0.0, atol=1e-6)
+    )

@@ -1,0 +1,136 @@
+"""The surface's error as a picture: the sheet at its worst moment, a map over its nodes, and its course in time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from ldcs_ros.compare.field import FieldDifference
+from ldcs_ros.compare.words import number
+from ldcs_ros.plotting.style import (
+    GRID,
+    INK,
+    LABEL_SIZE,
+    LINE_COLOURS,
+    SOFT_INK,
+    TICK_SIZE,
+    dress,
+    heading,
+    new_figure,
+)
+
+ERROR_MAP = "magma_r"
+_VIEW = {"elev": 28.0, "azim": -125.0}  # as in the pictures of the surface itself
+
+
+def surface_figure(surface: FieldDifference, a: str, b: str) -> Figure:
+    """Draw the distance of the nodes of one recording from where the other has them.
+
+    Args:
+        surface: The difference.
+        a, b: Names of the recordings.
+    """
+    figure = new_figure(11.4, 4.0)
+    factor, unit = _scale(surface.figures.max)
+    distance = factor * surface.distance[surface.worst]
+    time = float(surface.time[surface.worst])
+    norm = Normalize(0.0, max(float(distance.max()), 1e-12))
+    sheet: Any = figure.add_axes((0.0, 0.02, 0.35, 0.80), projection="3d")
+    _draw_sheet(sheet, 1e3 * surface.place[1], distance[1], norm)
+    bar = figure.colorbar(
+        ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=figure.add_axes((0.355, 0.2, 0.009, 0.5))
+    )
+    _dress_bar(bar, f"distance [{unit}]")
+    _caption(figure, 0.02, f"worst moment, t = {time:.3f} s, top layer")
+    plan = figure.add_axes((0.46, 0.16, 0.165, 0.60))
+    image = _draw_map(plan, factor * surface.rms_over_time)
+    bar = figure.colorbar(image, cax=figure.add_axes((0.632, 0.2, 0.009, 0.5)))
+    _dress_bar(bar, f"RMS over time [{unit}]")
+    _caption(figure, 0.46, "every node, over all moments")
+    course = figure.add_axes((0.755, 0.16, 0.235, 0.60))
+    _draw_course(course, surface, factor, unit)
+    _caption(figure, 0.755, "all nodes, against time")
+    found = surface.figures
+    note = (
+        f"RMS {number(factor * found.rms)} {unit}, 95 % below {number(factor * found.p95)} {unit}, "
+        f"at most {number(factor * found.max)} {unit}"
+    )
+    heading(figure, f"Surface: {a} against {b}", note)
+    return figure
+
+
+def _scale(largest: float) -> tuple[float, str]:
+    return (1e6, "um") if largest < 1e-4 else (1e3, "mm")
+
+
+def _draw_sheet(axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normalize) -> None:
+    corners = [place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]]
+    quads = np.stack(corners, axis=2).reshape(-1, 4, 3)
+    mean = 0.25 * (distance[:-1, :-1] + distance[1:, :-1] + distance[1:, 1:] + distance[:-1, 1:])
+    colours = ScalarMappable(norm=norm, cmap=ERROR_MAP).to_rgba(mean.ravel())
+    axes.add_collection3d(Poly3DCollection(quads, facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4))
+    low, high = place.min(axis=(0, 1)), place.max(axis=(0, 1))
+    high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
+    for limits, one, two in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high, strict=True):
+        limits(one, two)
+    axes.set_box_aspect(high - low, zoom=0.95)
+    axes.view_init(**_VIEW)
+    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis.line.set_color(SOFT_INK)
+        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
+        axis.set_label_text(f"{name} [mm]", fontsize=LABEL_SIZE - 1.0, color=INK)
+        axis.labelpad = -4.0
+    axes.locator_params(nbins=4)
+    axes.tick_params(labelsize=TICK_SIZE - 1.5, colors=SOFT_INK, pad=-3)
+
+
+def _draw_map(axes: Axes, rms: np.ndarray) -> Any:
+    nx, ny = rms.shape
+    top = max(float(rms.max()), 1e-12)
+    extent = (-0.5, nx - 0.5, -0.5, ny - 0.5)
+    image = axes.imshow(
+        rms.T, origin="lower", extent=extent, cmap=ERROR_MAP, vmin=0.0, vmax=top, aspect="equal"
+    )
+    axes.set_xlabel("node i, from the clamp to the free edge", fontsize=LABEL_SIZE - 1.0, color=INK)
+    axes.set_ylabel("node j", fontsize=LABEL_SIZE - 1.0, color=INK)
+    axes.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK, length=2)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return image
+
+
+def _draw_course(axes: Axes, surface: FieldDifference, factor: float, unit: str) -> None:
+    largest = surface.distance.max(axis=(1, 2, 3))
+    marker = "o" if len(surface.time) == 1 else ""
+    axes.plot(
+        surface.time, factor * largest, color=LINE_COLOURS[1], linewidth=1.3, marker=marker, label="largest"
+    )
+    axes.plot(
+        surface.time,
+        factor * surface.rms_over_nodes,
+        color=LINE_COLOURS[0],
+        linewidth=1.6,
+        marker=marker,
+        label="RMS",
+    )
+    dress(axes, x_label="time [s]", y_label=f"distance [{unit}]")
+    axes.set_ylim(bottom=0.0)
+    axes.margins(x=0.01)
+    axes.legend(fontsize=LABEL_SIZE, frameon=False, loc="upper right")
+
+
+def _dress_bar(bar: Any, label: str) -> None:
+    bar.set_label(label, fontsize=LABEL_SIZE, color=INK)
+    bar.ax.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK, length=2)
+    bar.outline.set_visible(False)
+
+
+def _caption(figure: Figure, left: float, text: str) -> None:
+    figure.text(left, 0.82, text, fontsize=LABEL_SIZE, color=INK, va="bottom")

@@ -1,0 +1,119 @@
+"""The tolerance file: limits by channel, and whether a comparison keeps them.
+
+P1: {max: 1.0e-3, rms: 5.0e-4}         # m, of the distance; figures: rms, p95, max, mean, end, normalised_rms
+P*.z: {end: 2.0e-4}                    # one axis; * and ? stand for any letters
+surface: {max: 2.0e-5}                 # all nodes
+"*/pressure": {rms: 500.0}             # Pa
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import yaml
+
+from ldcs_ros.compare.difference import Figures
+from ldcs_ros.errors import LdcsError
+
+FIGURES = tuple(field.name for field in fields(Figures))
+
+
+class ToleranceError(LdcsError, ValueError):
+    """A tolerance file is not sound, or limits a channel that was not compared."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One limit and what came out.
+
+    Attributes:
+        channel: Channel, with its axis behind a dot if one is meant.
+        figure: Which figure of it.
+        value: What it is, in SI.
+        limit: What it may be, in SI.
+        unit: Unit of both, '' for a ratio.
+    """
+
+    channel: str
+    figure: str
+    value: float
+    limit: float
+    unit: str
+
+    @property
+    def passed(self) -> bool:
+        """The amount keeps the limit; what is no number does not."""
+        return abs(self.value) <= self.limit
+
+
+Tolerances = dict[str, dict[str, float]]
+
+
+def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
+    """Return pattern -> figure -> limit of a file.
+
+    Raises:
+        ToleranceError: It cannot be read, or a key or limit is not sound.
+    """
+    file = Path(path)
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ToleranceError(f"cannot read the tolerance file {file}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ToleranceError(f"{file} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict) or not content:
+        raise ToleranceError(f"{file.name} holds no limits; expected lines such as 'P1: {{max: 1.0e-3}}'")
+    for pattern, limits in content.items():
+        if not isinstance(limits, dict) or not limits:
+            raise ToleranceError(
+                f"got {limits!r}, expected limits such as {{max: 1.0e-3}} @ {file.name}: {pattern}"
+            )
+        for figure, limit in limits.items():
+            if figure not in FIGURES:
+                raise ToleranceError(
+                    f"unknown figure {figure!r}, expected one of {list(FIGURES)} @ {file.name}: {pattern}"
+                )
+            number = isinstance(limit, (int, float)) and not isinstance(limit, bool)
+            if not number or not math.isfinite(limit) or limit < 0.0:
+                raise ToleranceError(
+                    f"got {limit!r}, expected a number of at least 0 (YAML reads 1e-3 as text, 1.0e-3 as a number) "
+                    f"@ {file.name}: {pattern}.{figure}"
+                )
+    return {str(pattern): dict(limits) for pattern, limits in content.items()}
+
+
+def check(tolerances: Tolerances, compared: Iterable[tuple[str, Figures, str]]) -> list[Check]:
+    """Return every limit with what came out.
+
+    Args:
+        tolerances: The limits.
+        compared: Channels that were compared, `P1` and `P1.x` alike: name, figures, unit.
+
+    Raises:
+        ToleranceError: A pattern fits no channel, so that nothing would be checked.
+    """
+    channels = list(compared)
+    checks = []
+    for pattern, limits in tolerances.items():
+        fitting = [
+            one for one in channels if fnmatchcase(one[0], pattern) and ("." in one[0]) == ("." in pattern)
+        ]
+        if not fitting:
+            raise ToleranceError(
+                f"the tolerance {pattern!r} fits no channel that both recordings have, "
+                f"only {[name for name, _, _ in channels]}"
+            )
+        for name, found, unit in fitting:
+            for figure, limit in limits.items():
+                value = getattr(found, figure)
+                ratio = figure == "normalised_rms"
+                checks.append(
+                    Check(name, figure, math.nan if value is None else value, limit, "" if ratio else unit)
+                )
+    return checks

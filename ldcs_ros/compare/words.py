@@ -1,0 +1,39 @@
+"""Numbers of a comparison as people read them: millimetres, kilopascals, degrees."""
+
+from __future__ import annotations
+
+import math
+
+# SI unit -> (unit shown, factor).
+SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "rad": ("deg", math.degrees(1.0)), "": ("", 1.0)}
+
+NOTHING = 1e-9
+"""In units shown: rounding, not a difference."""
+
+
+def unit(si: str) -> str:
+    """Return the unit shown for an SI unit."""
+    return SHOWN[si][0]
+
+
+def number(value: float | None, si: str = "") -> str:
+    """Return a value in SI as text in the unit shown, with three figures that count."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    shown = SHOWN[si][1] * value
+    if abs(shown) < NOTHING:
+        return "0"
+    if abs(shown) < 1e-3 or abs(shown) >= 1e5:
+        return f"{shown:.1e}"
+    digits = max(0, 2 - math.floor(math.log10(abs(shown))))
+    return f"{shown:.{digits}f}"
+
+
+def percent(value: float | None) -> str:
+    """Return a ratio in per cent."""
+    return "-" if value is None else f"{number(100.0 * value)} %"
+
+
+def milliseconds(value: float) -> str:
+    """Return a time [s] with its sign, in ms, or in s when it is long."""
+    return f"{1e3 * value:+.2f} ms" if abs(value) < 10.0 else f"{value:+.4f} s"
