@@ -54,11 +54,16 @@ def subject_of(recording: Any, track: SurfaceTrack) -> Subject:
     from ldcs_ros.scene.load import parse_scene
 
     scene = parse_scene(text, name=recording.custom_data.get("scene_name", ""), origin=recording.name)
+    return subject_of_scene(scene, title=scene.title or recording.name)
+
+
+def subject_of_scene(scene: Any, *, title: str) -> Subject:
+    """Return what a scene says, under a title."""
     lattice: Lattice = scene.lattice
     effects = scene.effects
     rest = lattice.rest_position
     return Subject(
-        title=scene.title or recording.name,
+        title=title,
         rest=rest.reshape(2, *lattice.nodes, 3),
         point_rest={name: point.position(rest) for name, point in scene.points.items()},
         driven=_driven_rows(effects, lattice.nodes[1]),

@@ -1,0 +1,181 @@
+"""`ldcs validate`: the paper's test against its experiment, and what the calibrated twin rests on."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from ldcs_ros.cli.output import Progress, print_json
+
+DESCRIPTION = """\
+Repeat the paper's test and print Table I (ours, the paper's model, the experiment): as printed under each spring
+law, and with the calibrated scene. Exit status 1 if an error of the calibrated scene has grown by 0.05 mm."""
+EXAMPLE = """\
+ldcs validate
+  ldcs validate -o out/validation --calibrate --damping
+  ldcs validate --markdown"""
+
+EXIT_GROWN = 1
+PROFILE = (0.20, 0.23, 0.25, 0.27, 0.30)  # N m/rad
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, help="write the pictures into this folder"
+    )
+    parser.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="fit again, compare structures, say what the data determine (a minute)",
+    )
+    parser.add_argument(
+        "--damping", action="store_true", help="run other damping, show settling, cost and accuracy"
+    )
+    parser.add_argument(
+        "--markdown", action="store_true", help="print the tables of the README and nothing else"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the tables, write the pictures; status 1 if an error has grown."""
+    from ldcs_ros import load_scene
+    from ldcs_ros.validate import calibration, course, paper, tables
+    from ldcs_ros.validate.cases import CALIBRATED, all_cases
+    from ldcs_ros.validate.measure import RADIUS_METHOD
+
+    quiet = arguments.json or arguments.markdown
+    cases = all_cases()
+    calibrated = cases[-1]
+    grown = paper.grown(calibrated.rest.displacement)
+    blocks: list[tuple[str, Any]] = [
+        ("Table I [mm]: the calibrated twin", tables.table_one(calibrated)),
+        ("errors against the experiment [mm], each model at rest", tables.comparison(cases)),
+    ]
+    if arguments.markdown:
+        print("\n\n".join(tables.as_markdown(rows) for _, rows in blocks))
+        return EXIT_GROWN if grown else 0
+    content = calibration.calibrated_content()
+    motion = course.run(load_scene(CALIBRATED))
+    result = {**_plain(cases), "grown": grown, "radius_method": RADIUS_METHOD}
+    result["course"] = {
+        "settled_after_s": motion.settling,
+        "overshoot_mm": motion.overshoot,
+        "time_constant_c_over_k_s": course.time_constant(content),
+    }
+    figures = {}
+    if arguments.output is not None:
+        from ldcs_ros.validate import pictures
+
+        figures["shape"] = pictures.shape_figure(calibrated.rest, "The calibrated twin at rest")
+        figures["course"] = pictures.course_figure(motion, "P0 and P1 of the calibrated twin in time")
+    if arguments.calibrate:
+        found, extra = _calibrate(content, quiet=quiet, result=result)
+        blocks += found
+        if arguments.output is not None:
+            figures["sensitivity"] = pictures.tornado_figure(extra, "What moves P0 and P1")
+    if arguments.damping:
+        with Progress(1.0, label="damping", unit="", quiet=quiet) as progress:
+            runs = []
+            for number, damped in enumerate(course.sweep(content), start=1):
+                runs.append(damped)
+                progress.show(number / len(course.DAMPINGS))
+        blocks.append(
+            ("damping: all dampers of sheet and arms scaled with c; cost against c = 5", tables.damping(runs))
+        )
+        result["damping"] = _records(tables.damping(runs))
+        if arguments.output is not None:
+            figures["damping"] = pictures.damping_figure(runs, "P1 under other damping")
+    if arguments.output is not None:
+        result["files"] = [str(path) for path in pictures.write(figures, arguments.output)]
+    if arguments.json:
+        print_json(result)
+    else:
+        _print(blocks, result, motion, RADIUS_METHOD)
+    for line in grown:
+        print(f"ldcs: error: the calibrated twin got worse: {line}", file=sys.stderr)
+    return EXIT_GROWN if grown else 0
+
+
+def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) -> tuple[list[Any], Any]:
+    from ldcs_ros.validate import calibration, determinacy, tables
+
+    total = 4 + len(determinacy.STRUCTURES) + len(PROFILE)
+    done = 0
+
+    with Progress(1.0, label="calibration", unit="", quiet=quiet) as bar:
+
+        def step() -> None:
+            nonlocal done
+            done += 1
+            bar.show(min(done / total, 1.0))
+
+        again = calibration.fit(content)
+        step()
+        sure = determinacy.confidence(again.content, again.seen)
+        step()
+        ways = determinacy.directions(content)
+        step()
+        moved = determinacy.sensitivities(content)
+        step()
+        rivals = list(determinacy.compare_structures(content, lambda _: step()))
+        held = []
+        stiffness = calibration.PARAMETERS[0]
+        for pair in determinacy.profile(content, stiffness.path, list(PROFILE)):
+            held.append(pair)
+            step()
+    fitted = tables.fitted(again.values, calibration.PARAMETERS, sure)
+    blocks = [
+        (f"fitted again: chi2 {sure.misfit:.1f} for {sure.freedom} degrees of freedom", fitted),
+        ("directions of the parameters", tables.directions(ways)),
+        ("sensitivity [mm]: change when a parameter grows by its plausible range", tables.sensitivity(moved)),
+        ("structures, each with its best fit (errors in mm)", tables.structures(rivals)),
+        ("profile: the other numbers fitted again (errors in mm)", tables.profiled(stiffness, held)),
+    ]
+    names = ("fitted", "directions", "sensitivity", "structures", "profile")
+    result["calibration"] = {name: _records(rows) for name, (_, rows) in zip(names, blocks, strict=True)}
+    return blocks, moved
+
+
+def _plain(cases: Any) -> dict[str, Any]:
+    from ldcs_ros.validate import paper
+
+    return {
+        "experiment_mm": paper.EXPERIMENT,
+        "paper_model_mm": paper.MODEL,
+        "committed_errors_mm": paper.COMMITTED._asdict(),
+        "cases": {
+            case.name: {
+                "title": case.title,
+                "fitted": case.fitted,
+                "torque": case.torque,
+                "displacement_mm": {name: case.rest.displacement[name] for name in paper.POINTS},
+                "error_mm": paper.errors(case.rest.displacement),
+                "worst_mm": paper.worst(case.rest.displacement),
+                "radius": case.rest.radius,
+                "roundness": case.rest.roundness,
+            }
+            for case in cases
+        },
+    }
+
+
+def _records(rows: list[list[str]]) -> list[dict[str, str]]:
+    return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+
+
+def _print(blocks: Any, result: dict[str, Any], motion: Any, method: str) -> None:
+    from ldcs_ros.validate import tables
+
+    for title, rows in blocks:
+        print(f"{title}\n{tables.as_text(rows)}\n")
+    print(f"radius: {method}")
+    constant = result["course"]["time_constant_c_over_k_s"]
+    print(
+        f"time course: within 0.1 mm of rest after {motion.settling:.2f} s, {motion.overshoot:.1f} mm beyond it on the "
+        f"way; c / k = {1e3 * constant:.0f} ms"
+    )
+    for path in result.get("files", ()):
+        print(path)

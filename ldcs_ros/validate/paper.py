@@ -1,0 +1,54 @@
+"""What the paper prints about its test: Table I, the radius, the material; and what this twin reached."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+RADIUS = 0.115  # m, at the actuated edges (section III)
+YOUNGS_MODULUS = 75.35e3  # Pa, from the paper's tensile test (section IV.A)
+SIDE = 0.140  # m
+PRESSURE = 140e3  # Pa, 1.4 bar, taken as gauge
+TRACKER_ACCURACY = 1e-4  # m (section IV.A)
+CLAIM = 1.4  # mm: "less than 1 % of the length of the surface's side"
+
+POINTS = ("P0", "P1")
+AXES = ("x", "y", "z")
+
+# Table I, steady displacement in ldcs_base [mm].
+MODEL = {"P0": (-1.3, 0.0, 18.8), "P1": (-21.8, 0.0, 69.9)}
+EXPERIMENT = {"P0": (-2.0, 0.0, 18.2), "P1": (-22.9, 0.0, 68.7)}
+
+
+class Committed(NamedTuple):
+    """Errors of the shipped calibrated scene against the experiment [mm], kept to see whether they grow."""
+
+    P0: tuple[float, float, float]
+    P1: tuple[float, float, float]
+
+
+COMMITTED = Committed(P0=(0.19, 0.0, 0.36), P1=(-0.16, 0.0, -0.21))
+GROWTH = 0.05  # mm by which the size of an error may grow before `ldcs validate` fails
+
+
+def errors(displacement: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return displacement minus experiment [mm], shape (3,), by point."""
+    return {name: np.asarray(displacement[name]) - EXPERIMENT[name] for name in POINTS}
+
+
+def grown(displacement: dict[str, np.ndarray]) -> list[str]:
+    """Return a line for each error whose size is more than `GROWTH` above the committed one."""
+    lines = []
+    for name, error in errors(displacement).items():
+        for axis, now, before in zip(AXES, error, getattr(COMMITTED, name), strict=True):
+            if abs(now) > abs(before) + GROWTH:
+                lines.append(
+                    f"{name} u{axis}: error {now:+.2f} mm, committed {before:+.2f} mm, may grow by {GROWTH} mm"
+                )
+    return lines
+
+
+def worst(displacement: dict[str, np.ndarray]) -> float:
+    """Return the largest error against the experiment [mm]."""
+    return max(float(np.abs(error).max()) for error in errors(displacement).values())
