@@ -124,12 +124,17 @@ class Bridge:
         found = [f"{link.name}: {link.error}" for link in self.links if not link.connected]
         if not any(link.commands for link in self.links):
             found.append("no link of the rig file takes set-points")
-        if self._is_silent(now):
-            found.append(self._silence(now))
+        stale = self._staleness(now)
+        if stale:
+            found.append(stale)
         full = {arm: value for arm, value in self.measured.items() if value > _EMPTY * limits.pressure}
         found += [f"{arm} holds {value / 1e3:.1f} kPa; vent it first" for arm, value in full.items()]
         found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
         return found
+
+    def now(self) -> float:
+        """Return the steady time [s]."""
+        return self._clock()
 
     def time_of(self, moment: float) -> float:
         """Return a steady time on the twin's time axis [s]."""
@@ -151,19 +156,14 @@ class Bridge:
         for link in self.links:
             if not link.connected:
                 self.gate.trip(f"{link.name}: {link.error}")
-        if self._is_silent(now):
-            self.gate.trip(self._silence(now))
+        stale = self._staleness(now)
+        if stale:
+            self.gate.trip(stale)
         for arm, fault in self.watch.faults.items():
             self.gate.trip(f"{arm} {fault}")
 
-    def _is_silent(self, now: float) -> bool:
-        return self.intake.silence(now, "pressure") > self.rig.limits.rig_timeout
-
-    def _silence(self, now: float) -> str:
-        silence = self.intake.silence(now, "pressure")
-        if now - self.intake.came_at < self.rig.limits.rig_timeout:
-            return f"the rig's pressures are {silence:.2f} s old"
-        return f"no pressure from the rig for {silence:.2f} s"
+    def _staleness(self, now: float) -> str:
+        return self.intake.staleness(now, "pressure", self.rig.limits.rig_timeout)
 
     def _offer(self) -> None:
         setpoint = self.gate.tick()

@@ -86,7 +86,7 @@ class Health:
 
     def _readings(self) -> Status:
         bridge, intake = self._bridge, self._bridge.intake
-        now = bridge.start_time + max(bridge.twin.time, 0.0)
+        now = bridge.now()
         silence = intake.silence(now, "pressure")
         new = {reason: count - self._dropped.get(reason, 0) for reason, count in intake.dropped.items()}
         new = {reason: count for reason, count in new.items() if count}

@@ -100,6 +100,20 @@ class Intake:
         heard = [time for channel, time in self.heard_at.items() if channel.split()[0] == kind]
         return now - min(heard, default=self._start)
 
+    def staleness(self, now: float, kind: str, timeout: float) -> str:
+        """Return what is too old about a kind of readings, in words; '' while all are fresh."""
+        silence = self.silence(now, kind)
+        if silence <= timeout:
+            return ""
+        if now - self.came_at > 0.5 * timeout:
+            return f"the rig is silent for {silence:.2f} s"
+        old = [
+            channel.split()[1]
+            for channel, time in self.heard_at.items()
+            if channel.split()[0] == kind and now - time > timeout
+        ]
+        return f"{kind} of {', '.join(old) or 'the rig'} is {silence:.2f} s old"
+
     def _unsound(self, reading: Reading) -> tuple[str, str] | None:
         value = np.asarray(reading.value, dtype=float)
         shown = np.array2string(value, precision=6)

@@ -61,6 +61,7 @@ class Link:
         self.clock = clock
         self.stage = LastStage(limits, clock)
         self.connected = False
+        self._is_open = False
         self.error = "not opened yet"
         self.drops = 0
         self.malformed = 0
@@ -115,16 +116,18 @@ class Link:
     def work(self) -> float:
         """Connect or exchange once; return how long to wait before the next time [s]."""
         try:
-            if not self.connected:
+            if not self._is_open:
                 self.open()
-                self.connected, self.error = True, ""
+                self._is_open = True
             self.exchange(self.stage.next())
         except LinkError as error:
-            if self.connected:
-                self.drops += 1
+            self.drops += self.connected
             self.connected, self.error = False, str(error)
+            self._is_open = False
             self.close()
             return _RETRY_PERIOD
+        # A rig that takes a connection and then says nothing is not connected.
+        self.connected, self.error = True, ""
         return 1.0 / self.rate
 
     def record(self, data: bytes, *, sent: bool) -> None:
