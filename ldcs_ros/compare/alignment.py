@@ -15,6 +15,7 @@ LEAST_OVERLAP = 0.5
 # Of the motion's variance, what may remain unexplained when the offset is believed.
 BELIEVED = 0.5
 COARSE_STEPS = 400
+FINE_STEPS = 20
 # Times of a channel that are looked at for each offset tried.
 MOST_TIMES = 1000
 # Motion below this says nothing about time.
@@ -46,40 +47,28 @@ Pair = tuple[Series, Series]
 
 
 def estimate_offset(pairs: dict[str, Pair]) -> Offset:
-    """Return the offset at which two recordings agree best; constant differences of a channel do not count.
+    """Return the offset at which two recordings agree best; a constant difference of a channel does not count.
 
-    The measure is the variance of the differences over that of the values themselves, over all channels that
-    move, each in units of its own motion: 0 for the same motion, about 1 for two that have nothing in common.
+    First over all offsets that leave enough in common, the variance of the differences over that of the values;
+    then around the best one the same with each component's size fitted, since a model that moves too far is
+    not a clock that is wrong.
     """
-    moving = {name: pair for name, pair in pairs.items() if _moves(pair)}
+    moving = _telling(pairs)
     if not moving:
         return Offset(0.0, reason="nothing moves enough in both to estimate an offset: 0 is assumed")
-    scale = {name: _motion(a) + _motion(b) for name, (a, b) in moving.items()}
-
-    def unexplained(offset: float) -> float:
-        left, total = 0.0, 0.0
-        for name, (a, b) in moving.items():
-            time, ours, theirs, _ = common(a, b, offset, most=MOST_TIMES)
-            if len(time) < 4:
-                return 1.0
-            left += float(np.var(ours - theirs, axis=0).sum()) / scale[name]
-            total += float((np.var(ours, axis=0) + np.var(theirs, axis=0)).sum()) / scale[name]
-        # Where neither moves, two records agree at any offset.
-        return left / total if total > 0.05 * len(moving) else 1.0
-
+    scaled = [(pair, _motion(pair[0]) + _motion(pair[1])) for pair in moving.values()]
     first, last = _range(list(moving.values()))
     step = (last - first) / COARSE_STEPS
-    lags = first + step * np.arange(COARSE_STEPS + 1)
-    best = float(lags[int(np.argmin([unexplained(float(lag)) for lag in lags]))])
-    for reach in (step, 0.05 * step):
-        found = minimize_scalar(
-            unexplained,
-            bounds=(best - reach, best + reach),
-            method="bounded",
-            options={"xatol": 1e-3 * reach},
-        )
-        best = float(found.x)
-    rest = unexplained(best)
+    best = _best(scaled, first + step * np.arange(COARSE_STEPS + 1), sized=False)
+    best = _best(scaled, best + step * np.arange(-FINE_STEPS, FINE_STEPS + 1), sized=True)
+    found = minimize_scalar(
+        lambda shift: _unexplained(scaled, best + shift, sized=True),
+        bounds=(-step, step),
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    best += float(found.x)
+    rest = _unexplained(scaled, best, sized=False)
     channels = tuple(moving)
     if rest > BELIEVED:
         return Offset(
@@ -88,6 +77,45 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     return Offset(
         best, best, _uncertainty(list(moving.values()), best), rest, channels, "estimated from motion"
     )
+
+
+def _best(scaled: list[tuple[Pair, float]], offsets: np.ndarray, *, sized: bool) -> float:
+    return float(offsets[int(np.argmin([_unexplained(scaled, float(o), sized=sized) for o in offsets]))])
+
+
+def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, sized: bool) -> float:
+    """Return the part of the variance that remains: 0 for the same motion, about 1 for nothing in common.
+
+    Args:
+        scaled: Pairs, each with its variance, so that all channels count alike.
+        offset: The offset to try [s].
+        sized: Let the size of each component's motion be fitted.
+    """
+    left, total = 0.0, 0.0
+    for (a, b), scale in scaled:
+        time, ours, theirs, _ = common(a, b, offset, most=MOST_TIMES)
+        if len(time) < 4:
+            return 1.0
+        both = np.var(ours, axis=0) + np.var(theirs, axis=0)
+        apart = np.var(ours - theirs, axis=0)
+        if sized:
+            product = 0.5 * (both - apart)  # the covariance
+            squares = np.var(ours, axis=0) * np.var(theirs, axis=0)
+            apart = both * (1.0 - np.where(squares > 0.0, product**2 / np.maximum(squares, 1e-300), 0.0))
+        left += float(apart.sum()) / scale
+        total += float(both.sum()) / scale
+    # Where neither moves, two records agree at any offset.
+    return left / total if total > 0.05 * len(scaled) else 1.0
+
+
+def _telling(pairs: dict[str, Pair]) -> dict[str, Pair]:
+    """Return the channels that move: points if there are any, since each kind of sensor has a delay of its own."""
+    moving = {name: pair for name, pair in pairs.items() if _moves(pair)}
+    for unit in STILL:
+        of_unit = {name: pair for name, pair in moving.items() if pair[0].unit == unit}
+        if of_unit:
+            return of_unit
+    return {}
 
 
 def _moves(pair: Pair) -> bool:

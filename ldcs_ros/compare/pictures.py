@@ -132,7 +132,7 @@ def _lines(channels: list[ChannelDifference]) -> list[Any]:
     names: dict[str, list[ChannelDifference]] = {}
     for channel in channels:
         names.setdefault(_short(channel), []).append(channel)
-    lines = []
+    lines: list[Any] = []
     for k, (name, alike) in enumerate(names.items()):
         # The two arms do the same more often than not.
         one = alike[0]

@@ -154,8 +154,9 @@ def _rig_side(recording: Any, name: str, mapping: Mapping) -> Side:
         kind = recording.topics[source.topic].type
         time, value = _measured(heard, source, kind, intake, mapping.ambient_pressure)
         told = intake.remarks()
-        if told:
-            remarks.append(f"{source.topic}: {', '.join(told)}")
+        remark = f"{source.topic}: {', '.join(told)}"
+        if told and remark not in remarks:
+            remarks.append(remark)
         if not len(time):
             remarks.append(f"{source.topic}: no message for {source.to}")
             continue
@@ -193,7 +194,8 @@ def _value(message: Any, source: MeasurementSource, kind: str, ambient: float) -
     place = fields.position(message, source.field, kind, source.child)
     if place is None:
         return None
-    return np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
+    turned: np.ndarray = np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
+    return turned
 
 
 def _number(message: Any, source: MeasurementSource, kind: str, path: str) -> float:
