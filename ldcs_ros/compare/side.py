@@ -14,6 +14,10 @@ from ldcs_ros.mapping import Mapping, MappingError, MeasurementSource, fields, g
 from ldcs_ros.mapping.intake import Intake, take_in
 from ldcs_ros.mapping.units import STANDARD_ATMOSPHERE
 from ldcs_ros.plotting.tracks import (
+    CLOUD,
+    JOINTS,
+    POSE,
+    PRESSURE,
     SurfaceTrack,
     Track,
     joint_tracks,
@@ -23,6 +27,7 @@ from ldcs_ros.plotting.tracks import (
 )
 
 AXES = ("x", "y", "z")
+_READ = (CLOUD, JOINTS, POSE, PRESSURE)
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,7 @@ def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
 
 def _twin_side(recording: Any, name: str, measured: bool) -> Side:
     said = recording.custom_data
+    recording.load([topic for topic, info in recording.topics.items() if info.type in _READ])
     remarks: list[str] = []
     series: dict[str, Series] = {}
     truth, reported = point_tracks(recording, truth=True), point_tracks(recording, truth=False)

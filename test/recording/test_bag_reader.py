@@ -140,3 +140,16 @@ def test_any_stream_of_messages_comes_back_whole_and_by_time(tmp_path_factory, s
     recording = read_bag(folder)
     assert list(recording.in_order()) == sorted(written, key=lambda message: message.time)
     assert recording.counts == {t: sum(m.topic == t for m in written) for t in {m.topic for m in written}}
+
+
+def test_channels_read_in_one_pass_hold_what_each_would_hold_alone(tmp_path, make_pose):
+    with BagWriter(tmp_path / "bag", topics={"/c": TopicInfo(POSE)}) as writer:
+        for k in range(20):
+            writer.write("/a" if k % 3 else "/b", POSE, make_pose(k), 1000 - k)
+    alone, together = read_bag(tmp_path / "bag"), read_bag(tmp_path / "bag")
+    together.load(["/a", "/b", "/c"])
+    for topic in ("/a", "/b", "/c"):
+        assert together.channels[topic].raw == alone.channels[topic].raw
+        assert together.channels[topic].times.tolist() == alone.channels[topic].times.tolist()
+    with pytest.raises(RecordingError, match="no topic '/d'"):
+        together.load(["/d"])
