@@ -139,7 +139,8 @@ def test_free_flight_keeps_the_momentum_of_the_push():
     _, angular = momenta()
     simulation.advance_to(2.0)
     linear, later = momenta()
-    np.testing.assert_allclose(linear, [0.0, 0.01, 0.02], atol=1e-12)
+    # Factors turned with the sheet leave the iteration's remainder (2 % of a step's share of 1e-6 m), not rounding.
+    np.testing.assert_allclose(linear, [0.0, 0.01, 0.02], atol=1e-8)
     # Angular momentum is not linear in the coordinates: an L-stable method damps the spin by its local error,
     # which nothing takes back here. At 1e-6 m a step and 200 steps of a 70 mm radius that is 1e-4 of it at
     # most.

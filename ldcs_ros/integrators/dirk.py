@@ -94,7 +94,8 @@ class Dirk(Integrator):
             ratio = rate_step / kept.rate_step
             if 1 / STEP_RATIO <= ratio <= STEP_RATIO:
                 try:
-                    return self._stages(motion, inputs, h, tolerance, kept)
+                    turned = self._system.turn(kept, *self._middle(motion, h), inputs)
+                    return self._stages(motion, inputs, h, tolerance, turned)
                 except StepFailure:
                     self._past = past
         try:
@@ -103,15 +104,19 @@ class Dirk(Integrator):
             self._past, self._factors = past, None
             raise
 
-    def _renew(self, motion: Motion, inputs: HeldInputs, h: float) -> Factors:
-        """Factor Newton's matrix at a guess of the middle of the step."""
-        self.counters.factorisations += 1
+    def _middle(self, motion: Motion, h: float) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return time, coordinates and rates of a guess of the middle of the step."""
         free, ahead = self.model.free, MIDDLE * h
         q, u = motion.q.copy(), motion.u.copy()
         q[free] += ahead * motion.u[free]
         self.model.prescribe(motion.time + ahead, q, u)
+        return motion.time + ahead, q, u
+
+    def _renew(self, motion: Motion, inputs: HeldInputs, h: float) -> Factors:
+        """Factor Newton's matrix in the middle of the step."""
+        self.counters.factorisations += 1
         try:
-            factors = self._system.factor(motion.time + ahead, q, u, inputs, self.tableau.diagonal * h)
+            factors = self._system.factor(*self._middle(motion, h), inputs, self.tableau.diagonal * h)
         except np.linalg.LinAlgError as error:
             raise StepFailure(str(error)) from error
         self._factors, self._rate = factors, FRESH_RATE
@@ -142,7 +147,7 @@ class Dirk(Integrator):
             place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
             angles = factors.angles
             if angles.size and np.max(np.abs(q[-angles.size :] - angles)) > TURN:
-                factors = self._factors = self._system.turn_border(factors, time, q, u, inputs)
+                factors = self._system.turn(factors, time, q, u, inputs)
             a, rate = self._solve(stage, guess, q, u, inputs, factors)
             worst = max(worst, rate)
             rates[i], accelerations[i] = u[free], a

@@ -8,8 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import lapack
 
+from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turn_vectors
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
+
+# Number of free node coordinates from which factors are kept in single precision: 33 x 33 nodes and more.
+SINGLE_PRECISION_SIZE = 4000
 
 
 @dataclass(frozen=True)
@@ -33,12 +37,23 @@ class Factors:
     Attributes:
         rate_step: The h of the factored matrix [s].
         angles: Link angles at which border and corner were taken [rad], shape (n_angles,).
+        frames: How the lattice's columns stood when it was factored, shape (n_columns, 3, 3).
     """
 
-    def __init__(self, order: np.ndarray, matrix: Bordered, rate_step: float, angles: np.ndarray) -> None:
-        self.rate_step = rate_step
+    def __init__(
+        self, order: np.ndarray, matrix: Bordered, rate_step: float, angles: np.ndarray, frames: np.ndarray
+    ) -> None:
+        self.rate_step, self.frames = rate_step, frames
+        self._turns: np.ndarray | None = None
         self._order, self._n = order, matrix.band.shape[1]
-        self._band, status = lapack.dpbtrf(matrix.band, lower=1, overwrite_ab=1)
+        # The iteration corrects what factors lack, so for large lattices, where memory traffic counts, half
+        # the digits do: they take half the time.
+        self._single = self._n >= SINGLE_PRECISION_SIZE
+        band = matrix.band.astype(np.float32) if self._single else matrix.band
+        self._factor, self._apply = (
+            (lapack.spbtrf, lapack.spbtrs) if self._single else (lapack.dpbtrf, lapack.dpbtrs)
+        )
+        self._band, status = self._factor(band, lower=1, overwrite_ab=1)
         if status != 0:
             raise np.linalg.LinAlgError("the matrix is not positive definite")
         self._set_border(matrix.border, matrix.corner, angles)
@@ -46,25 +61,38 @@ class Factors:
     def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
         self._border, self.angles = border, angles
         if corner.size:
-            self._reach, _ = lapack.dpbtrs(self._band, border, lower=1)
+            self._reach = np.stack([self._inverse(column) for column in border.T], axis=1)
             self._corner = np.linalg.inv(corner - border.T @ self._reach)
 
-    def with_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
-        """Return factors with the same nodes' part and another border and corner."""
+    def turned(
+        self, turns: np.ndarray | None, border: np.ndarray, corner: np.ndarray, angles: np.ndarray
+    ) -> Factors:
+        """Return factors whose nodes' part has turned with the sheet, with another border and corner."""
         other = copy(self)
+        other._turns = turns
         other._set_border(border, corner, angles)
         return other
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return W^-1 right for free coordinates, shape (n_free,)."""
         result = np.empty_like(right)
-        nodes, _ = lapack.dpbtrs(self._band, right[self._order], lower=1)
+        nodes = self._inverse(right[self._order])
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
             result[self._n :] = angles
         result[self._order] = nodes
         return result
+
+    def _inverse(self, nodes: np.ndarray) -> np.ndarray:
+        if self._turns is None:
+            solved: np.ndarray = self._apply(self._band, nodes, lower=1)[0]
+            return solved
+        local, result = np.empty((self._n // 3, 3)), np.empty((self._n // 3, 3))
+        turn_vectors(self._turns, nodes.reshape(-1, 3), True, local)
+        solved = self._apply(self._band, local.ravel(), lower=1, overwrite_b=1)[0]
+        turn_vectors(self._turns, solved.reshape(-1, 3), False, result)
+        return result.ravel()
 
 
 class LinearSystem:
@@ -80,6 +108,7 @@ class LinearSystem:
         n = model.n_free_nodes
         rows, columns = model.entries
         self._order = self._slabs(model)
+        self._columns = self._whole_columns(model)
         place = np.empty(len(model.free) + 1, dtype=np.int64)
         place[self._order] = np.arange(n)
         place[n:-1] = np.arange(n, len(model.free))
@@ -101,6 +130,15 @@ class LinearSystem:
         # Only the arms have entries in border and corner; theirs start here among all entries.
         before = [term for term in model.terms[: model.terms.index(model.arms)]] if model.arms else []
         self._arms_start = sum(len(term.entries()[0]) for term in before)
+
+    def _whole_columns(self, model: Model) -> np.ndarray | None:
+        # The column of each free node in slab order; None where a node is free in some directions only.
+        node, axis = np.divmod(model.free[: model.n_free_nodes][self._order], 3)
+        if len(node) % 3 or not np.array_equal(
+            axis.reshape(-1, 3), np.broadcast_to([0, 1, 2], (len(node) // 3, 3))
+        ):
+            return None
+        return node[::3] % (model.lattice.nodes[0] * model.lattice.nodes[1])
 
     @staticmethod
     def _slabs(model: Model) -> np.ndarray:
@@ -138,23 +176,29 @@ class LinearSystem:
         change = self._placed(-rate_step * (by_rate + rate_step * by_position))
         change.band[0] += self.model.mass[self._order]
         matrix = replace(change, corner=change.corner + self._inertia(q))
-        return Factors(self._order, matrix, rate_step, self._angles(q))
+        return Factors(self._order, matrix, rate_step, self._angles(q), self._frames(q))
 
-    def turn_border(
+    def turn(
         self, factors: Factors, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
     ) -> Factors:
-        """Return the factors with the arms' rows and columns taken at another motion.
+        """Return kept factors turned to another motion: nearly new ones for the price of a few solves.
 
-        A coupling spring is as stiff in every direction, so the nodes' part does not change when an arm turns;
-        the slopes of its crosspieces do, and against stiff couplings a small turn matters much.
+        A bent sheet is stiff along itself, so its matrix turns with it: G W0 G^T with a rotation G for each
+        column of nodes (stiffness warping, Mueller and others 2002). The arms' rows and columns are taken anew:
+        against stiff couplings a small turn of a crosspiece matters much.
         """
-        h, arms = factors.rate_step, self.model.arms
-        if arms is None or not self.model.n_free_angles:
-            return factors
-        by_position, by_rate = arms.jacobian(time, q, u, inputs, False)
-        values = -h * (by_rate + h * by_position)
-        border, corner = self._bordering(values, self._arms_start)
-        return factors.with_border(border, corner + self._inertia(q), self._angles(q))
+        model = self.model
+        turns = None
+        if self._columns is not None:
+            turns = np.empty((len(self._columns), 3, 3))
+            fill_turns(self._frames(q), factors.frames, self._columns, turns)
+        if model.arms is None or not model.n_free_angles:
+            empty = np.zeros((model.n_free_nodes, 0)), np.zeros((0, 0))
+            return factors.turned(turns, *empty, factors.angles)
+        h = factors.rate_step
+        by_position, by_rate = model.arms.jacobian(time, q, u, inputs, False)
+        border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
+        return factors.turned(turns, border, corner + self._inertia(q), self._angles(q))
 
     def _placed(self, values: np.ndarray) -> Bordered:
         n = self.model.n_free_nodes
@@ -170,6 +214,13 @@ class LinearSystem:
         corner = np.bincount(self._corner_slot, values[self._corner - start], minlength=n_angles**2)
         corner = corner.reshape(n_angles, n_angles)
         return border.reshape(n, n_angles), 0.5 * (corner + corner.T)
+
+    def _frames(self, q: np.ndarray) -> np.ndarray:
+        nx, ny = self.model.lattice.nodes
+        frames = np.empty((nx * ny, 3, 3))
+        if self._columns is not None:
+            fill_column_frames(q[: 6 * nx * ny].reshape(-1, 3), nx, ny, frames)
+        return frames
 
     def _angles(self, q: np.ndarray) -> np.ndarray:
         return q[len(q) - self.model.n_free_angles :].copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -130,6 +131,7 @@ class Model:
         """Return the rate at which a motion's amplitude decays, dissipated power / (4 kinetic energy) [1/s].
 
         Half the rate at which an oscillation loses its energy, which is twice its kinetic energy on average.
+        Infinite at rest: there is no motion yet that could remember an error.
         """
         q, u = motion.q, motion.u
         still = u.copy()
@@ -137,7 +139,7 @@ class Model:
         rate = u[self.free]
         power = -rate @ (self.momentum(q, motion.a) - self.force(motion.time, q, still, inputs))
         energy = rate @ self.momentum(q, rate)
-        return float(0.5 * power / energy) if energy > 0.0 else 0.0
+        return float(0.5 * power / energy) if energy > 0.0 else math.inf
 
     @cached_property
     def entries(self) -> tuple[np.ndarray, np.ndarray]:

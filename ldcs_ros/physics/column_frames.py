@@ -1,0 +1,74 @@
+"""How far each column of the lattice (a bottom and a top node) has turned: a rotation from its tangents."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ldcs_ros.physics.compiled import compiled
+
+
+@compiled
+def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
+    """Write the axes of each column's frame as columns, shape (nx ny, 3, 3), from node positions [m], (2 nx ny, 3).
+
+    Tangents along x and y are central differences of both layers together (one-sided at the edges); the normal is
+    their product, and the other two axes lie halfway, so that shear favours neither. A column whose tangents have
+    no direction gets the axes of ldcs_base.
+    """
+    layer = nx * ny
+    along, across, normal = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(nx):
+        for j in range(ny):
+            ahead, behind = min(i + 1, nx - 1) * ny + j, max(i - 1, 0) * ny + j
+            left, right = i * ny + min(j + 1, ny - 1), i * ny + max(j - 1, 0)
+            square_along = square_across = 0.0
+            for r in range(3):
+                along[r] = x[ahead, r] + x[layer + ahead, r] - x[behind, r] - x[layer + behind, r]
+                across[r] = x[left, r] + x[layer + left, r] - x[right, r] - x[layer + right, r]
+                square_along += along[r] ** 2
+                square_across += across[r] ** 2
+            normal[0] = along[1] * across[2] - along[2] * across[1]
+            normal[1] = along[2] * across[0] - along[0] * across[2]
+            normal[2] = along[0] * across[1] - along[1] * across[0]
+            square = normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2
+            frame = frames[i * ny + j]
+            if not square > 1e-12 * square_along * square_across:
+                for r in range(3):
+                    for t in range(3):
+                        frame[r, t] = 1.0 if r == t else 0.0
+                continue
+            sum_square = difference_square = 0.0
+            for r in range(3):
+                along[r] /= math.sqrt(square_along)
+                across[r] /= math.sqrt(square_across)
+                sum_square += (along[r] + across[r]) ** 2
+                difference_square += (along[r] - across[r]) ** 2
+            for r in range(3):
+                half_sum = (along[r] + across[r]) / math.sqrt(2.0 * sum_square)
+                half_difference = (along[r] - across[r]) / math.sqrt(2.0 * difference_square)
+                frame[r, 0] = half_sum + half_difference
+                frame[r, 1] = half_sum - half_difference
+                frame[r, 2] = normal[r] / math.sqrt(square)
+
+
+@compiled
+def turn_vectors(turns, values, back, out):  # type: ignore[no-untyped-def]
+    """Write turns[k] values[k] (or with `back` its transpose) for every k, shapes (n, 3, 3) and (n, 3)."""
+    for k in range(len(values)):
+        for r in range(3):
+            total = 0.0
+            for t in range(3):
+                total += (turns[k, t, r] if back else turns[k, r, t]) * values[k, t]
+            out[k, r] = total
+
+
+@compiled
+def fill_turns(now, then, columns, turns):  # type: ignore[no-untyped-def]
+    """Write the rotation from frames `then` to frames `now` for each of the columns, shape (n, 3, 3)."""
+    for k in range(columns.size):
+        a, b = now[columns[k]], then[columns[k]]
+        for r in range(3):
+            for t in range(3):
+                turns[k, r, t] = a[r, 0] * b[t, 0] + a[r, 1] * b[t, 1] + a[r, 2] * b[t, 2]
