@@ -99,10 +99,13 @@ class Integrator:
 
     Attributes:
         model: What is integrated.
+        counters: What it has cost.
+        whole_steps: A step is one step of the method; otherwise an explicit method may divide it into stable parts.
     """
 
     model: Model
     counters: Counters = field(default_factory=Counters)
+    whole_steps: bool = False
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     error_order: ClassVar[int] = 0

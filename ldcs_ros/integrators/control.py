@@ -131,6 +131,7 @@ class FixedSteps:
 
     def __init__(self, integrator: Integrator, h: float) -> None:
         self.integrator, self.h = integrator, h
+        integrator.whole_steps = True
 
     def first(self, motion: Motion) -> Pace:
         """Return the pace at a start."""
