@@ -39,6 +39,9 @@ msgs: setup  ## build the interface package ldcs_msgs again
 colcon: setup  ## build both packages with colcon into install/, then check what it installed
 	@tools/colcon.sh
 
+bags: setup  ## make the reference bags in bags/ again: BAGS='chirp fault'
+	@$(BIN)/python tools/make_bags.py $(BAGS)
+
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh
 
@@ -59,4 +62,4 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || true
 
-.PHONY: help setup sim test lint types msgs colcon lock clean
+.PHONY: help setup sim test lint types msgs colcon bags lock clean

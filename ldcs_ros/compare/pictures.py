@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ldcs_ros.compare.comparison import Comparison
 from ldcs_ros.compare.difference import ChannelDifference
-from ldcs_ros.compare.words import SHOWN, milliseconds, number
+from ldcs_ros.compare.words import NOTHING, SHOWN, figure, milliseconds, scale
 from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
     INK,
@@ -28,14 +28,25 @@ _FOOT = 0.5
 _MOST_NAMED = 4
 
 
+class _Line(NamedTuple):
+    """One component of a channel: its label and colour, times [s], both values and their RMS difference in SI."""
+
+    label: str
+    colour: str
+    time: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    rms: float
+
+
 def channels_figure(comparison: Comparison) -> Figure | None:
     """Draw a row for each point, for the pressures and for the joints: both sides left, the difference right."""
     rows = _rows(comparison)
     if not rows:
         return None
     height = _ROW * len(rows) + _HEAD + _FOOT
-    figure = new_figure(9.2, height)
-    grid = figure.add_gridspec(
+    whole = new_figure(9.2, height)
+    grid = whole.add_gridspec(
         len(rows),
         2,
         left=0.075,
@@ -43,16 +54,16 @@ def channels_figure(comparison: Comparison) -> Figure | None:
         bottom=_FOOT / height,
         top=1.0 - _HEAD / height,
         hspace=0.42,
-        wspace=0.2,
+        wspace=0.24,
     )
     for number_of_row, (title, channels) in enumerate(rows):
-        both, apart = (figure.add_subplot(grid[number_of_row, k]) for k in (0, 1))
+        both, apart = (whole.add_subplot(grid[number_of_row, k]) for k in (0, 1))
         last = number_of_row == len(rows) - 1
         _draw_row(both, apart, title, channels, comparison, last=last)
     a, b = comparison.a.name, comparison.b.name
     note = f"lines: {a}   dots: {b}   clock offset {milliseconds(comparison.offset.value)}, {comparison.offset.reason}"
-    heading(figure, f"{a} against {b}", note)
-    return figure
+    heading(whole, f"{a} against {b}", note)
+    return whole
 
 
 def _rows(comparison: Comparison) -> list[tuple[str, list[ChannelDifference]]]:
@@ -74,65 +85,64 @@ def _draw_row(
     *,
     last: bool,
 ) -> None:
-    shown, factor = SHOWN[channels[0].unit]
+    si = channels[0].unit
+    shown, factor = SHOWN[si]
     lines = _lines(channels)
-    for label, colour, time, a, b, rms in lines:
+    largest = max(float(np.abs(line.a - line.b).max()) for line in lines)
+    fine_unit, fine = scale(largest, si)
+    for line in lines:
         # From where A begins: a picture of a motion, not of a place.
-        origin = a[0] if channels[0].unit == "m" else 0.0
-        both.plot(time, factor * (a - origin), color=colour, linewidth=1.5)
-        every = max(1, len(time) // 60)
-        style: dict[str, Any] = {"color": colour, "linestyle": "none", "marker": "o", "markersize": 2.6}
-        both.plot(time[::every], factor * (b - origin)[::every], alpha=0.75, **style)
-        text = f"{label}  {number(rms, channels[0].unit)}" if len(lines) <= _MOST_NAMED else ""
-        apart.plot(time, factor * (a - b), color=colour, linewidth=1.2, label=text)
+        origin = line.a[0] if si == "m" else 0.0
+        both.plot(line.time, factor * (line.a - origin), color=line.colour, linewidth=1.5)
+        every = max(1, len(line.time) // 60)
+        style: dict[str, Any] = {"color": line.colour, "linestyle": "none", "marker": "o", "markersize": 2.6}
+        both.plot(line.time[::every], factor * (line.b - origin)[::every], alpha=0.75, **style)
+        label = f"{line.label}  {figure(fine * line.rms)}" if len(lines) <= _MOST_NAMED else ""
+        apart.plot(line.time, fine * (line.a - line.b), color=line.colour, linewidth=1.2, label=label)
     apart.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
-    what = {"m": "displacement", "Pa": "gauge pressure", "rad": "angle"}[channels[0].unit]
+    what = {"m": "displacement", "Pa": "gauge pressure", "rad": "angle"}[si]
     x_label = f"time of {comparison.a.name} [s]" if last else ""
     dress(both, x_label=x_label, y_label=f"{what} [{shown}]", title=title)
-    dress(apart, x_label=x_label, y_label=f"difference [{shown}]")
+    dress(apart, x_label=x_label, y_label=f"difference [{fine_unit}]")
     for axes in (both, apart):
         axes.margins(x=0.01, y=0.12)
-    _key(apart, lines, channels[0].unit, shown)
+    if fine * largest < NOTHING:
+        apart.set_ylim(-1.0, 1.0)  # rounding is no difference: nobody need look at it through a lens
+    _key(apart, lines, fine_unit, fine)
 
 
-def _key(apart: Axes, lines: list[Any], unit: str, shown: str) -> None:
+def _key(apart: Axes, lines: list[_Line], unit: str, factor: float) -> None:
+    style: dict[str, Any] = {"fontsize": LABEL_SIZE, "color": INK}
     if len(lines) > _MOST_NAMED:
-        rms = np.sqrt(np.mean([line[5] ** 2 for line in lines]))
-        apart.set_title(
-            f"RMS {number(float(rms), unit)} {shown} over {len(lines)} channels",
-            fontsize=LABEL_SIZE,
-            color=INK,
-            loc="right",
-        )
+        rms = factor * float(np.sqrt(np.mean([line.rms**2 for line in lines])))
+        apart.set_title(f"RMS {figure(rms)} {unit} over {len(lines)} channels", loc="right", **style)
         return
-    legend = apart.legend(
+    apart.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 0.98),
         ncol=_MOST_NAMED,
         fontsize=LABEL_SIZE,
+        labelcolor=INK,
         frameon=False,
-        title=None,
-        handlelength=1.2,
-        columnspacing=1.2,
+        handlelength=1.0,
+        handletextpad=0.5,
+        columnspacing=1.0,
         borderpad=0.0,
     )
-    apart.set_title(f"RMS [{shown}]", fontsize=LABEL_SIZE, color=INK, loc="left")
-    for text in legend.get_texts():
-        text.set_color(INK)
+    apart.set_title(f"RMS [{unit}]", loc="left", **style)
 
 
-def _lines(channels: list[ChannelDifference]) -> list[Any]:
-    """Return (label, colour, time, a, b, RMS) of each component."""
+def _lines(channels: list[ChannelDifference]) -> list[_Line]:
     if channels[0].unit == "m":
         channel = channels[0]
         return [
-            (axis, colour, channel.time, channel.a[:, k], channel.b[:, k], channel.figures[axis].rms)
+            _Line(axis, colour, channel.time, channel.a[:, k], channel.b[:, k], channel.figures[axis].rms)
             for k, (axis, colour) in enumerate(AXIS_COLOURS.items())
         ]
     names: dict[str, list[ChannelDifference]] = {}
     for channel in channels:
         names.setdefault(_short(channel), []).append(channel)
-    lines: list[Any] = []
+    lines: list[_Line] = []
     for k, (name, alike) in enumerate(names.items()):
         # The two arms do the same more often than not.
         one = alike[0]
@@ -140,7 +150,8 @@ def _lines(channels: list[ChannelDifference]) -> list[Any]:
         for channel in alike[:1] if same else alike:
             label = name if same or len(alike) == 1 else f"{channel.name.split('/')[-1].split('_')[0]} {name}"
             colour = LINE_COLOURS[(k if same else len(lines)) % len(LINE_COLOURS)]
-            lines.append((label, colour, channel.time, channel.a[:, 0], channel.b[:, 0], channel.overall.rms))
+            a, b = channel.a[:, 0], channel.b[:, 0]
+            lines.append(_Line(label, colour, channel.time, a, b, channel.overall.rms))
     return lines
 
 

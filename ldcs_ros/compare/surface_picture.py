@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ldcs_ros.compare.field import FieldDifference
-from ldcs_ros.compare.words import number
+from ldcs_ros.compare.words import figure, scale
 from ldcs_ros.plotting.style import (
     GRID,
     INK,
@@ -36,37 +36,33 @@ def surface_figure(surface: FieldDifference, a: str, b: str) -> Figure:
         surface: The difference.
         a, b: Names of the recordings.
     """
-    figure = new_figure(11.4, 4.0)
-    factor, unit = _scale(surface.figures.max)
+    whole = new_figure(11.4, 4.0)
+    unit, factor = scale(surface.figures.max, "m")
     distance = factor * surface.distance[surface.worst]
     time = float(surface.time[surface.worst])
     norm = Normalize(0.0, max(float(distance.max()), 1e-12))
-    sheet: Any = figure.add_axes((0.0, 0.02, 0.35, 0.80), projection="3d")
+    sheet: Any = whole.add_axes((0.0, 0.02, 0.35, 0.80), projection="3d")
     _draw_sheet(sheet, 1e3 * surface.place[1], distance[1], norm)
-    bar = figure.colorbar(
-        ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=figure.add_axes((0.355, 0.2, 0.009, 0.5))
+    bar = whole.colorbar(
+        ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=whole.add_axes((0.355, 0.2, 0.009, 0.5))
     )
     _dress_bar(bar, f"distance [{unit}]")
-    _caption(figure, 0.02, f"worst moment, t = {time:.3f} s, top layer")
-    plan = figure.add_axes((0.46, 0.16, 0.165, 0.60))
+    _caption(whole, 0.02, f"worst moment, t = {time:.3f} s, top layer")
+    plan = whole.add_axes((0.46, 0.16, 0.165, 0.60))
     image = _draw_map(plan, factor * surface.rms_over_time)
-    bar = figure.colorbar(image, cax=figure.add_axes((0.632, 0.2, 0.009, 0.5)))
+    bar = whole.colorbar(image, cax=whole.add_axes((0.632, 0.2, 0.009, 0.5)))
     _dress_bar(bar, f"RMS over time [{unit}]")
-    _caption(figure, 0.46, "every node, over all moments")
-    course = figure.add_axes((0.755, 0.16, 0.235, 0.60))
+    _caption(whole, 0.46, "every node, over all moments")
+    course = whole.add_axes((0.755, 0.16, 0.235, 0.60))
     _draw_course(course, surface, factor, unit)
-    _caption(figure, 0.755, "all nodes, against time")
+    _caption(whole, 0.755, "all nodes, against time")
     found = surface.figures
     note = (
-        f"RMS {number(factor * found.rms)} {unit}, 95 % below {number(factor * found.p95)} {unit}, "
-        f"at most {number(factor * found.max)} {unit}"
+        f"RMS {figure(factor * found.rms)} {unit}, 95 % below {figure(factor * found.p95)} {unit}, "
+        f"at most {figure(factor * found.max)} {unit}"
     )
-    heading(figure, f"Surface: {a} against {b}", note)
-    return figure
-
-
-def _scale(largest: float) -> tuple[float, str]:
-    return (1e6, "um") if largest < 1e-4 else (1e3, "mm")
+    heading(whole, f"Surface: {a} against {b}", note)
+    return whole
 
 
 def _draw_sheet(axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normalize) -> None:
@@ -123,7 +119,14 @@ def _draw_course(axes: Axes, surface: FieldDifference, factor: float, unit: str)
     dress(axes, x_label="time [s]", y_label=f"distance [{unit}]")
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.01)
-    axes.legend(fontsize=LABEL_SIZE, frameon=False, loc="upper right")
+    axes.legend(
+        fontsize=LABEL_SIZE,
+        frameon=False,
+        loc="lower right",
+        bbox_to_anchor=(1.02, 0.98),
+        ncol=2,
+        borderpad=0.0,
+    )
 
 
 def _dress_bar(bar: Any, label: str) -> None:

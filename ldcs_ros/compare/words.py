@@ -7,6 +7,9 @@ import math
 # SI unit -> (unit shown, factor).
 SHOWN = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "rad": ("deg", math.degrees(1.0)), "": ("", 1.0)}
 
+# The same for differences too small for these.
+FINE = {"m": ("\N{MICRO SIGN}m", 1e6), "Pa": ("Pa", 1.0), "rad": ("mdeg", 1e3 * math.degrees(1.0))}
+
 NOTHING = 1e-9
 """In units shown: rounding, not a difference."""
 
@@ -16,11 +19,21 @@ def unit(si: str) -> str:
     return SHOWN[si][0]
 
 
+def scale(largest: float, si: str) -> tuple[str, float]:
+    """Return unit and factor in which differences of up to an amount in SI are read best."""
+    shown = SHOWN[si]
+    return FINE[si] if si in FINE and shown[1] * largest < 0.02 else shown
+
+
 def number(value: float | None, si: str = "") -> str:
     """Return a value in SI as text in the unit shown, with three figures that count."""
     if value is None or not math.isfinite(value):
         return "-"
-    shown = SHOWN[si][1] * value
+    return figure(SHOWN[si][1] * value)
+
+
+def figure(shown: float) -> str:
+    """Return a number as it is shown, with three figures that count."""
     if abs(shown) < NOTHING:
         return "0"
     if abs(shown) < 1e-3 or abs(shown) >= 1e5:
