@@ -34,6 +34,7 @@ class Progress:
 
     def __init__(self, total: float, *, label: str, unit: str = "s", quiet: bool) -> None:
         self._bar: Any = None
+        self._label = label
         if sys.stderr.isatty() and not quiet:
             from tqdm import tqdm
 
@@ -45,6 +46,11 @@ class Progress:
         """Move the bar to `done` of its total."""
         if self._bar is not None:
             self._bar.update(done - self._bar.n)
+
+    def say(self, what: str) -> None:
+        """Write what is going on behind the bar's label."""
+        if self._bar is not None and what:
+            self._bar.set_description(f"{self._label}: {what}")
 
     def __enter__(self) -> Progress:
         return self

@@ -107,7 +107,7 @@ def tornado_figure(found: Sequence[Sensitivity], title: str) -> Figure:
         axes.barh(place, -change, height=0.62, color=LINE_COLOURS[1])
         reach = 1.6 * max(float(np.abs(change).max()), 0.5)
         axes.set_xlim(-reach, reach)
-        for y, value in zip(place, change, strict=True):
+        for y, value in enumerate(change):
             side = -1.0 if value < 0.0 else 1.0
             axes.text(
                 value + 0.03 * side * reach, y, signed(value, 1), fontsize=6.5, color=INK,

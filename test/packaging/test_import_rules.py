@@ -25,7 +25,7 @@ ALLOWED = {
     "recording": {"errors"},
     "interface": CORE | {"sensors", "recording"},
     "validate": CORE | {"plotting"},
-    "identify": CORE | {"recording", "interface", "sensors"},
+    "identify": CORE | {"recording", "interface", "mapping", "replay", "compare"},
     "plotting": CORE | {"recording", "interface"},
     "mapping": {"errors"},
     "compare": CORE | {"recording", "mapping", "plotting"},

@@ -1,0 +1,164 @@
+"""`ldcs identify`: named numbers of a scene fitted to recordings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from ldcs_ros.cli.arguments import CommandLineError, metres, seed
+from ldcs_ros.cli.output import Progress, print_json, print_pairs
+
+DESCRIPTION = """\
+Fit numbers of a scene to bags: the commands of each bag are fed to the scene, and the numbers are found for which
+its points go where the tracker saw them. Prints each number with its 95 % interval, and whether the scene's
+structure fits at all; if not, the exit status is 1. -o writes the fitted scene; its header says what was fitted to
+what."""
+EXAMPLE = """\
+ldcs identify out/a out/b --hold-out out/c --fit effects.arms.pressure_gain=1e-7..5e-6 -o fitted.yaml
+  ldcs identify rig_bag --scene rig --map rig_topics.yaml --fit effects.springs.stiffness -o mine.yaml"""
+
+EXIT_MISFIT = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    parser.add_argument("bags", metavar="BAG", type=Path, nargs="+", help="bags to fit")
+    parser.add_argument(
+        "--fit",
+        metavar="PATH[=LOW..HIGH]",
+        action="append",
+        default=[],
+        help="a number of the scene to find, and where; a quarter to four times its value if not said; repeatable",
+    )
+    parser.add_argument(
+        "--hold-out", metavar="BAG", type=Path, action="append", default=[], help="bag to predict, not to fit"
+    )
+    parser.add_argument("--scene", metavar="SCENE", help="scene to start from; the first bag's if not given")
+    parser.add_argument(
+        "--set",
+        metavar="PATH=VALUE",
+        dest="overrides",
+        action="append",
+        default=[],
+        help="change a key of the scene before fitting; repeatable",
+    )
+    parser.add_argument(
+        "--map", metavar="FILE", dest="mapping", type=Path, help="what a rig's topics mean (YAML)"
+    )
+    parser.add_argument(
+        "--noise",
+        metavar="M",
+        type=metres,
+        help="tracker's standard deviation [m]; else the bag's, or estimated",
+    )
+    parser.add_argument("--starts", metavar="N", type=_count, default=8, help="start values to screen (8)")
+    parser.add_argument("--seed", metavar="N", type=seed, default=0, help="seed of the start values (0)")
+    parser.add_argument(
+        "--processes", metavar="N", type=_count, help="worker processes; one a core if not given"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", type=Path, help="write the fitted scene into a new file"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fit, print, write the scene; status 0, 1 if the structure does not fit."""
+    if not arguments.fit:
+        raise CommandLineError("identify needs --fit PATH, such as --fit effects.arms.joint_stiffness")
+    if arguments.output is not None and arguments.output.exists():
+        raise CommandLineError(f"{arguments.output} exists; name another file with -o")
+    import yaml
+
+    from ldcs_ros.identify.experiments import read_experiment
+    from ldcs_ros.identify.identify import identify
+    from ldcs_ros.identify.parameters import parse_parameter
+    from ldcs_ros.identify.scene_file import as_dict, scene_text, write_scene
+    from ldcs_ros.mapping import load_mapping
+
+    scene = _scene(arguments)
+    mapping = None if arguments.mapping is None else load_mapping(arguments.mapping)
+    content = yaml.safe_load(scene.text)
+    parameters = [parse_parameter(text, content) for text in arguments.fit]
+    read = [
+        read_experiment(bag, scene, mapping=mapping, noise=arguments.noise)
+        for bag in (*arguments.bags, *arguments.hold_out)
+    ]
+    fitted, unseen = read[: len(arguments.bags)], read[len(arguments.bags) :]
+    with Progress(1.0, label="identify", unit="", quiet=arguments.json) as bar:
+
+        def tell(share: float, what: str) -> None:
+            bar.show(share)
+            bar.say(what)
+
+        found = identify(
+            scene,
+            fitted,
+            parameters,
+            held_out=unseen,
+            starts=arguments.starts,
+            seed=arguments.seed,
+            processes=arguments.processes,
+            tell=tell,
+        )
+    if arguments.output is not None:
+        write_scene(arguments.output, scene_text(found, fitted, origin=scene.name))
+    if arguments.json:
+        file = None if arguments.output is None else str(arguments.output)
+        noise = {experiment.name: experiment.noise for experiment in read}
+        remarks = {experiment.name: list(experiment.remarks) for experiment in read}
+        print_json({"scene": scene.name, **as_dict(found), "noise": noise, "remarks": remarks, "file": file})
+    else:
+        _print(found, read, arguments.output)
+    if found.misfit.found:
+        print(f"ldcs: error: misfit: {found.misfit.words}", file=sys.stderr)
+        return EXIT_MISFIT
+    return 0
+
+
+def _scene(arguments: argparse.Namespace) -> Any:
+    from ldcs_ros.cli.scene_argument import changed_scene, scene_with
+    from ldcs_ros.errors import SceneError
+    from ldcs_ros.identify.experiments import recorded_scene
+
+    if arguments.scene is not None:
+        return scene_with(arguments.scene, arguments.overrides)
+    scene = recorded_scene(arguments.bags[0])
+    if scene is None:
+        raise SceneError(
+            f"{arguments.bags[0]} does not say what it is a recording of; name a scene with --scene"
+        )
+    return changed_scene(scene, arguments.overrides)
+
+
+def _print(found: Any, read: Any, output: Path | None) -> None:
+    from ldcs_ros.identify.scene_file import estimate_words, score_words
+
+    lines = [("fitted" if k == 0 else "", estimate_words(item)) for k, item in enumerate(found.estimates)]
+    names = [item.parameter.path.rpartition(".")[2] for item in found.estimates]
+    for row in range(len(names)):
+        for column in range(row):
+            if abs(found.correlation[row, column]) > 0.9:
+                value = f"{found.correlation[row, column]:+.3f}"
+                lines.append(("correlated", f"{names[column]} and {names[row]}: {value}"))
+    for label, items in (("fit", found.fitted), ("held out", found.held_out)):
+        lines += [(label, score_words(item)) for item in items]
+    noises = {f"{1e3 * one.noise:.3g} mm ({one.noise_origin})" for one in read}
+    lines.append(("noise", ", ".join(sorted(noises))))
+    lines += [("in the bag", f"{one.name}: {remark}") for one in read for remark in one.remarks]
+    best = found.minima[0]
+    ended = "" if best.converged else "; the search was stopped before it ended by itself"
+    lines.append(
+        ("search", f"{found.evaluations} parameter sets, {len(found.minima)} different minima{ended}")
+    )
+    lines.append(("structure", "MISFIT" if found.misfit.found else found.misfit.words))
+    if output is not None:
+        lines.append(("scene", str(output)))
+    print_pairs(lines)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number above 0")
+    return int(text)

@@ -1,0 +1,6 @@
+"""Identification: named numbers of a scene fitted to recordings, inputs in, tracker poses out.
+
+bags -> experiments.py (commands and poses) -> prediction.py (a scene's answer to the same commands)
+     -> fitting.py (bounded least squares, several starts, differences in worker processes)
+     -> judgement.py (confidence, misfit, held-out score) -> scene_file.py (a scene that says what was fitted to what)
+"""

@@ -1,0 +1,184 @@
+"""Experiment: what a bag says for identification - commands with their times, tracker positions, their noise."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ldcs_ros.compare.side import side_of
+from ldcs_ros.errors import LdcsError, SceneError
+from ldcs_ros.interface.commands import Commands, Refusal
+from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.mapping import Mapping, guess_mapping
+from ldcs_ros.recording import read_bag
+from ldcs_ros.replay.description import describe
+from ldcs_ros.replay.foreign import mapped_commands
+from ldcs_ros.replay.own import timeline
+from ldcs_ros.replay.session import without_schedule
+from ldcs_ros.scene import Scene
+
+
+class IdentificationError(LdcsError, ValueError):
+    """A bag, a parameter or their combination cannot be used for identification."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A recorded run, as plain data that worker processes can take.
+
+    Attributes:
+        name: Name of the bag.
+        commands: (simulation time [s], relative topic, message) of each command, by time.
+        settled: It began in the rest state.
+        schedule: The recorded scene's own schedule, as in a scene file; empty for a rig's bag.
+        points: Names of the tracked points.
+        time: Times of the measurements [s], shape (n,), rising.
+        position: Measured positions in ldcs_base [m], shape (n, n_points, 3); NaN where a point was not measured.
+        noise: Standard deviation of one coordinate [m].
+        noise_origin: Where the noise figure comes from, in words.
+        remarks: What was odd in the bag, in words.
+    """
+
+    name: str
+    commands: tuple[tuple[float, str, bytes], ...]
+    settled: bool
+    schedule: tuple[dict[str, Any], ...]
+    points: tuple[str, ...]
+    time: np.ndarray
+    position: np.ndarray
+    noise: float
+    noise_origin: str
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Measured coordinates."""
+        return int(np.isfinite(self.position).sum())
+
+
+def recorded_scene(bag: str | os.PathLike[str]) -> Scene | None:
+    """Return the scene that a bag was run with, None for a rig's bag."""
+    description = describe(read_bag(bag))
+    return None if description is None else description.scene
+
+
+def read_experiment(
+    bag: str | os.PathLike[str], scene: Scene, *, mapping: Mapping | None = None, noise: float | None = None
+) -> Experiment:
+    """Return what a bag says.
+
+    Args:
+        bag: A bag of a twin or of a rig.
+        scene: The scene that is to be fitted; its points name what is compared.
+        mapping: What the topics of a rig's bag mean; None to go by names and types.
+        noise: Standard deviation of a measured coordinate [m]; None to take the recorded scene's, or to estimate it.
+
+    Raises:
+        RecordingError: The bag cannot be read.
+        MappingError: The mapping does not fit the bag.
+        IdentificationError: No point of the scene was tracked, or a command does not fit the scene.
+    """
+    recording = read_bag(bag)
+    name = Path(bag).name
+    description = describe(recording) if mapping is None else None
+    meaning = mapping or guess_mapping(recording)
+    remarks: list[str] = []
+    schedule: tuple[dict[str, Any], ...]
+    if description is not None:
+        run = timeline(recording, namespace=description.namespace, topics=dict(TOPICS))
+        commands = tuple((command.time * 1e-9, command.topic, command.cdr) for command in run.commands)
+        schedule = tuple(yaml.safe_load(description.scene.text).get("inputs", ()))
+        settled, shift = description.settled, recording.start * 1e-9
+        _check(commands, scene, name)
+    else:
+        scene = without_schedule(scene)
+        commands, told = _converted(recording, meaning, scene, name)
+        remarks += told
+        schedule, settled, shift = (), meaning.initial == "rest", 0.0
+    side = side_of(recording, name=name, mapping=meaning, measured=True)
+    remarks += side.remarks
+    points = tuple(point for point in scene.points if point in side.series)
+    if not points:
+        raise IdentificationError(
+            f"{name} has no tracker positions of the points {list(scene.points)} of the scene, only {list(side.series)}"
+        )
+    tracks = [side.series[point] for point in points]
+    time = np.unique(np.concatenate([track.time for track in tracks]))
+    position = np.full((len(time), len(points), 3), np.nan)
+    for number, track in enumerate(tracks):
+        position[np.searchsorted(time, track.time), number] = track.value
+    sigma, origin = _noise(noise, None if description is None else description.scene, tracks)
+    return Experiment(
+        name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(remarks)
+    )
+
+
+def _check(commands: tuple[tuple[float, str, bytes], ...], scene: Scene, name: str) -> None:
+    receiver = Commands(scene.build())
+    for time, topic, cdr in commands:
+        try:
+            receiver.receive(topic, cdr)
+        except Refusal as refusal:
+            raise IdentificationError(
+                f"{name}: the scene refuses the command on {topic} at {time:.3f} s: {refusal}"
+            ) from refusal
+
+
+def _converted(
+    recording: Any, mapping: Mapping, scene: Scene, name: str
+) -> tuple[tuple[tuple[float, str, bytes], ...], list[str]]:
+    # A rig's messages become the twin's own once, here: what they turn into depends on earlier commands only.
+    simulation = scene.build()
+    receiver = Commands(simulation)
+    entries, intakes, _ = mapped_commands(recording, mapping)
+    commands = []
+    for entry in entries:
+        command = entry.command(simulation)
+        if command is None:
+            continue
+        try:
+            receiver.receive(*command)
+        except Refusal as refusal:
+            entry.refused(refusal.reason)
+            continue
+        commands.append((entry.time * 1e-9, *command))
+    if not commands:
+        raise SceneError(
+            f"{name}: no command of the bag fits the scene: {receiver.last_refusal or 'none is mapped'}"
+        )
+    return tuple(commands), [f"{i.topic}: {', '.join(i.remarks())}" for i in intakes if i.remarks()]
+
+
+def _noise(given: float | None, scene: Scene | None, tracks: list[Any]) -> tuple[float, str]:
+    if given is not None:
+        return given, "given"
+    tracker = None if scene is None else scene.sensors.get("tracker")
+    if tracker is not None and (tracker["noise"] > 0.0 or tracker["quantum"] > 0.0):
+        # A quantum q is a uniform error of standard deviation q / sqrt(12).
+        return float(
+            np.hypot(tracker["noise"], tracker["quantum"] / np.sqrt(12.0))
+        ), "the recorded scene's tracker"
+    return estimated_noise([track.value for track in tracks]), "estimated from the data's second differences"
+
+
+def estimated_noise(tracks: list[np.ndarray]) -> float:
+    """Return the standard deviation of white noise on smooth tracks [m], each of shape (n, 3).
+
+    Second differences of white noise have sqrt(6) times its deviation; their median does not see the few samples in
+    which the motion itself is fast.
+
+    Raises:
+        IdentificationError: There are too few samples, or none of them differ.
+    """
+    seconds = [np.abs(np.diff(track, n=2, axis=0)).ravel() for track in tracks if len(track) > 2]
+    sigma = 1.4826 * float(np.median(np.concatenate(seconds))) / np.sqrt(6.0) if seconds else 0.0
+    if not sigma > 0.0:
+        raise IdentificationError(
+            "the tracker's noise cannot be told from the data; give it with --noise (in m)"
+        )
+    return sigma

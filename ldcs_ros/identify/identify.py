@@ -1,0 +1,113 @@
+"""The whole identification: from bags and names of parameters to a judged fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ldcs_ros.identify.experiments import Experiment, IdentificationError
+from ldcs_ros.identify.fitting import Minimum, distinct, search
+from ldcs_ros.identify.judgement import (
+    Estimate,
+    Misfit,
+    Score,
+    correlation,
+    estimates,
+    misfit,
+    score,
+    scores,
+)
+from ldcs_ros.identify.parameters import Parameter, check_parameters, values_at, with_values
+from ldcs_ros.identify.workers import Workers
+from ldcs_ros.scene import Scene
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What was found.
+
+    Attributes:
+        content: The scene with the fitted values, as plain values.
+        estimates: Each parameter with its interval.
+        correlation: Correlation of the parameters, shape (n, n).
+        misfit: Whether the structure fits.
+        whole: Score of all fitted bags together.
+        fitted: Score of each fitted bag.
+        held_out: Score of each bag that was not fitted.
+        minima: Different minima that were found, best first.
+        evaluations: Runs of all bags that were computed.
+    """
+
+    content: dict[str, Any]
+    estimates: list[Estimate]
+    correlation: np.ndarray
+    misfit: Misfit
+    whole: Score
+    fitted: list[Score]
+    held_out: list[Score]
+    minima: list[Minimum]
+    evaluations: int
+
+
+def identify(
+    scene: Scene,
+    experiments: Sequence[Experiment],
+    parameters: Sequence[Parameter],
+    *,
+    held_out: Sequence[Experiment] = (),
+    starts: int = 8,
+    seed: int = 0,
+    processes: int | None = None,
+    tell: Callable[[float, str], None] = lambda share, what: None,
+) -> Identification:
+    """Fit parameters of a scene to experiments and judge the fit.
+
+    Args:
+        scene: The scene; parameters start at its values.
+        experiments: Bags to fit.
+        parameters: What to find.
+        held_out: Bags to predict with the result, unseen by the fit.
+        starts: Start values to screen.
+        seed: Seed of the start values.
+        processes: Worker processes; None for one a core, 1 for none.
+        tell: Called with the share of the work that is done, and what is going on.
+
+    Raises:
+        IdentificationError: The data cannot determine the parameters in principle, or nothing can be computed.
+    """
+    content: dict[str, Any] = yaml.safe_load(scene.text)
+    count = sum(experiment.count for experiment in experiments)
+    if not parameters or count <= len(parameters):
+        raise IdentificationError(f"{count} measured numbers cannot determine {len(parameters)} parameters")
+    check_parameters(parameters, content)
+    with Workers(content, experiments, processes=processes) as workers:
+        minima = search(parameters, workers, starts=starts, seed=seed, tell=tell)
+    best = minima[0]
+    whole = score(experiments, best.residual)
+    finding = misfit(whole, len(parameters))
+    inflation = float(np.sqrt(max(1.0, whole.reduced_chi_square))) if finding.found else 1.0
+    values = values_at(parameters, best.shares)
+    unseen: list[Score] = []
+    if held_out:
+        with Workers(content, held_out, processes=1) as workers:
+            answer = workers.residuals([values])[0]
+        if answer is None:
+            raise IdentificationError(
+                "the fitted scene cannot follow the held-out bags; widen what is fitted"
+            )
+        unseen = scores(held_out, answer)
+    return Identification(
+        content=with_values(content, values),
+        estimates=estimates(parameters, best, inflation=inflation),
+        correlation=correlation(best),
+        misfit=finding,
+        whole=whole,
+        fitted=scores(experiments, best.residual),
+        held_out=unseen,
+        minima=distinct(minima),
+        evaluations=starts + sum(minimum.evaluations for minimum in minima),
+    )

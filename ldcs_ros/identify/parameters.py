@@ -1,0 +1,139 @@
+"""The numbers to identify: where they stand in the scene, between which bounds, on which scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import SceneError
+from ldcs_ros.identify.experiments import IdentificationError
+from ldcs_ros.scene import load_scene
+from ldcs_ros.scene.paths import get_value, put_value
+
+SPAN = 4.0  # a parameter without bounds is looked for between a quarter and four times its value
+LOGARITHMIC = 4.0  # bounds whose ratio is at least this are searched on a logarithmic scale
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the scene that is to be found.
+
+    Attributes:
+        path: Where it stands, such as effects.arms.joint_stiffness.
+        start: Its value in the scene, SI.
+        low, high: Bounds.
+    """
+
+    path: str
+    start: float
+    low: float
+    high: float
+
+    @property
+    def logarithmic(self) -> bool:
+        """Searched on a logarithmic scale."""
+        return self.low > 0.0 and self.high >= LOGARITHMIC * self.low
+
+    def value(self, share: float) -> float:
+        """Return the value at a share of the way from low to high."""
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** share)
+        return self.low + share * (self.high - self.low)
+
+    def share(self, value: float) -> float:
+        """Return how far a value is on the way from low to high."""
+        if self.logarithmic:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
+    def slope(self, share: float) -> float:
+        """Return d(value)/d(share)."""
+        if self.logarithmic:
+            return self.value(share) * math.log(self.high / self.low)
+        return self.high - self.low
+
+
+def parse_parameter(text: str, content: dict[str, Any]) -> Parameter:
+    """Return the parameter of `PATH` or `PATH=LOW..HIGH`.
+
+    Raises:
+        IdentificationError: It cannot be read, stands at no number, or its bounds do not hold the scene's value.
+        SceneError: The path leads nowhere.
+    """
+    path, _, bounds = text.partition("=")
+    if path.strip().startswith("inputs"):
+        raise IdentificationError(
+            f"--fit {text}: what was commanded stands in the bags; fit what it does, such as effects.arms.pressure_gain"
+        )
+    start = get_value(content, path.strip())
+    if isinstance(start, bool) or not isinstance(start, (int, float)):
+        said = "is not given in the scene" if start is None else f"is {start!r}"
+        raise IdentificationError(
+            f"--fit {text}: {path} {said}, expected a number to start from; set one with --set {path}=VALUE"
+        )
+    start = float(start)
+    if bounds:
+        low, high = _bounds(text, bounds)
+    elif start == 0.0:
+        raise IdentificationError(
+            f"--fit {text}: the scene has 0 there; say where to look, --fit {path}=LOW..HIGH"
+        )
+    else:
+        low, high = sorted((start / SPAN, start * SPAN))
+    if not low <= start <= high:
+        raise IdentificationError(
+            f"--fit {text}: the scene has {start:g}, which is not in {low:g} ... {high:g}"
+        )
+    return Parameter(path.strip(), start, low, high)
+
+
+def check_parameters(parameters: Sequence[Parameter], content: dict[str, Any]) -> None:
+    """Check that the scene is sound at every bound.
+
+    Raises:
+        IdentificationError: A path is named twice, or a bound is outside of what the scene accepts.
+    """
+    paths = [parameter.path for parameter in parameters]
+    if len(set(paths)) != len(paths):
+        raise IdentificationError(f"a parameter is named twice in {paths}")
+    for parameter in parameters:
+        for bound in (parameter.low, parameter.high):
+            try:
+                load_scene(with_values(content, {parameter.path: bound})).build()
+            except SceneError as error:
+                raise IdentificationError(
+                    f"--fit {parameter.path}: the bound {bound:g} is refused: {error}"
+                ) from error
+
+
+def with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
+    """Return a copy of a scene's content with values at some paths."""
+    import copy
+
+    changed = copy.deepcopy(content)
+    for path, value in values.items():
+        put_value(changed, path, float(value))
+    return changed
+
+
+def values_at(parameters: Sequence[Parameter], shares: np.ndarray) -> dict[str, float]:
+    """Return the values by path at shares of the way between the bounds, shape (n,)."""
+    return {p.path: p.value(float(s)) for p, s in zip(parameters, shares, strict=True)}
+
+
+def _bounds(text: str, bounds: str) -> tuple[float, float]:
+    try:
+        low, high = (float(part) for part in bounds.split(".."))
+    except ValueError as error:
+        raise IdentificationError(
+            f"--fit {text}: cannot read the bounds {bounds!r}; write 0.1..0.5"
+        ) from error
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise IdentificationError(
+            f"--fit {text}: got bounds {low:g} and {high:g}, expected finite ones, low first"
+        )
+    return low, high

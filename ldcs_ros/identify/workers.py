@@ -1,0 +1,75 @@
+"""Worker processes that compute residuals of many parameter values and bags at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.identify.experiments import Experiment
+from ldcs_ros.identify.prediction import FIT_ACCURACY, residuals
+
+_shared: tuple[dict[str, Any], Sequence[Experiment]] | None = None
+
+
+class Workers:
+    """Computes residuals; use it in a `with` block, which ends the processes.
+
+    Args:
+        content: The scene that is fitted.
+        experiments: The bags.
+        processes: How many; 1 computes in this process, None takes one a core.
+    """
+
+    def __init__(
+        self, content: dict[str, Any], experiments: Sequence[Experiment], *, processes: int | None = None
+    ) -> None:
+        self._content, self._experiments = content, experiments
+        count = processes or len(os.sched_getaffinity(0))
+        self._pool: ProcessPoolExecutor | None = None
+        if count > 1:
+            # Spawned, not forked: the caller may have threads. Numba's kernels come from its cache on disk.
+            self._pool = ProcessPoolExecutor(
+                count,
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=_begin,
+                initargs=(content, tuple(experiments)),
+            )
+
+    def residuals(
+        self, candidates: Sequence[dict[str, float]], *, accuracy: float = FIT_ACCURACY
+    ) -> list[np.ndarray | None]:
+        """Return for each candidate the residuals of all bags in one vector; None if a bag has no answer."""
+        jobs = [
+            (values, number, accuracy) for values in candidates for number in range(len(self._experiments))
+        ]
+        if self._pool is None:
+            parts = [residuals(self._content, v, self._experiments[k], accuracy=a) for v, k, a in jobs]
+        else:
+            parts = list(self._pool.map(_compute, jobs))
+        size = len(self._experiments)
+        rows = [parts[size * k : size * (k + 1)] for k in range(len(candidates))]
+        return [None if any(p is None for p in row) else np.concatenate(row) for row in rows]  # type: ignore[arg-type]
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(content: dict[str, Any], experiments: Sequence[Experiment]) -> None:
+    global _shared
+    _shared = (content, experiments)
+
+
+def _compute(job: tuple[dict[str, float], int, float]) -> np.ndarray | None:
+    if _shared is None:
+        raise RuntimeError("a worker process was not told what to work on")
+    values, number, accuracy = job
+    return residuals(_shared[0], values, _shared[1][number], accuracy=accuracy)
