@@ -1,0 +1,72 @@
+"""The shapes that a scene's sheet takes: rest states over pressures, loads and stiffnesses; their main directions."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import DivergenceError
+from ldcs_ros.scene import Scene
+
+PRESSURES = tuple((share, share) for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) + (
+    (0.7, 0.4),
+    (0.4, 0.7),
+    (0.8, 0.6),
+    (0.6, 0.8),
+)
+"""Gauge pressures left and right, as shares of the scene's limit."""
+LOADS = (0.0, 0.3)
+STIFFNESSES = (0.8, 1.25)
+
+
+def rest_shapes(scene: Scene, point: str) -> np.ndarray:
+    """Return the coordinates [m, rad] of rest states, shape (n_shapes, n_coordinates).
+
+    Args:
+        scene: A scene whose arms are driven by pressure.
+        point: Point that carries the loads.
+
+    Raises:
+        DivergenceError: Hardly any rest state was found.
+    """
+    shapes = []
+    limit = float(scene.effect("arms").pressure_limit)
+    for stiffness, load in itertools.product(STIFFNESSES, LOADS):
+        simulation = loaded(scene, point, load / 9.81, stiffness).build()
+        for share in PRESSURES:
+            simulation.inputs.set_pressure(tuple(limit * one for one in share))
+            try:
+                simulation.settle()
+            except DivergenceError:
+                continue
+            state = simulation.state
+            shapes.append(np.concatenate([state.position.ravel(), state.link_angle.ravel()]))
+    if len(shapes) < len(PRESSURES):
+        raise DivergenceError(
+            "the scene comes to rest under hardly any load: there are no shapes to estimate with"
+        )
+    return np.array(shapes)
+
+
+def main_directions(shapes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean shape, shape (n,), and the main directions around it, orthonormal, shape (count, n)."""
+    mean = shapes.mean(axis=0)
+    _, _, directions = np.linalg.svd(shapes - mean, full_matrices=False)
+    return mean, directions[:count]
+
+
+def loaded(scene: Scene, point: str, mass: float, stiffness: float) -> Scene:
+    """Return a scene with another mass [kg] at a point, a factor on its springs, and no schedule."""
+    from ldcs_ros.physics.effects.payload import Payload
+
+    effects: list[Any] = []
+    for effect in scene.effects:
+        if effect.name == "springs":
+            effect = replace(effect, stiffness=stiffness * effect.stiffness)  # type: ignore[attr-defined, type-var]
+        effects.append(effect)
+    if mass > 0.0:
+        effects.append(Payload(at=point, mass=mass))
+    return replace(scene, effects=tuple(effects), inputs=())

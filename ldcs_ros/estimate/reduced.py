@@ -1,0 +1,159 @@
+"""ReducedModel: the sheet's own forces, projected on a few of its shapes; small enough for a filter in real time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.estimate.basis import main_directions, rest_shapes
+from ldcs_ros.physics.inputs import HeldInputs, Valve
+from ldcs_ros.scene import Scene
+from ldcs_ros.threads import one_thread
+
+PARAMETERS = ("gain", "load", "stiffness")
+"""Factor on the arms' torque, weight at the loaded point beside the scene's [N], factor on the springs."""
+NOMINAL = np.array([1.0, 0.0, 1.0])
+GRAVITY = 9.81
+_GAMMA = 1.0 + np.sqrt(0.5)  # L-stable
+
+
+class ReducedModel:
+    """M(theta) a'' = B f(q, q', pressure, theta) with q = mean + B^T a: a Galerkin projection of a scene's model.
+
+    The forces are those of the full model, evaluated on all nodes, so rest states and large motions are
+    right up to what the shapes cannot show. What is small is the matrix to solve and the filter's covariance.
+
+    Args:
+        scene: A scene whose arms are driven by pressure.
+        point: Point that carries the unknown load.
+        shapes: Number of shapes.
+
+    Attributes:
+        n: Number of shapes.
+        model: The full model.
+    """
+
+    def __init__(self, scene: Scene, point: str, *, shapes: int = 24) -> None:
+        self.simulation = scene.build()
+        self.model: Any = self.simulation.model
+        with one_thread():
+            mean, directions = main_directions(rest_shapes(scene, point), shapes)
+        self.n = len(directions)
+        free = self.model.free
+        self._mean = mean
+        self._directions = directions
+        # Directions are orthonormal in all coordinates; the prescribed ones do not move.
+        self._basis = np.ascontiguousarray(directions[:, free])
+        self._still = np.zeros(len(mean))
+        springs = next((term for term in self.model.terms if term.name == "springs"), None)
+        self._springs: Any = springs
+        nodes = self.simulation.points[point].nodes
+        weight = np.zeros(len(mean))
+        weight[3 * nodes + 2] = -1.0 / len(nodes)
+        self._weight = self._basis @ weight[free]
+        carried = np.zeros((3, len(mean)))
+        for axis in range(3):
+            carried[axis, 3 * nodes + axis] = 1.0 / len(nodes)
+        carried_basis = self._basis @ carried[:, free].T
+        self._carried_mass = carried_basis @ carried_basis.T / GRAVITY
+        self._mass = np.array([self._basis @ self.model.momentum(mean, row) for row in self._basis])
+        arms = scene.effect("arms")
+        self._times = (arms.fill_time, arms.vent_time)
+        unit = self._held(np.array([1.0, 0.0])), self._held(np.array([0.0, 1.0])), self._held(np.zeros(2))
+        forces = [self.model.force(0.0, mean, self._still, held) for held in unit]
+        self._drive = np.stack([self._basis @ (forces[i] - forces[2]) for i in range(2)], axis=1)
+
+    def coordinates(self, a: np.ndarray) -> np.ndarray:
+        """Return all coordinates [m, rad] of reduced ones, shape (n_coordinates,)."""
+        return np.array(self._mean + a @ self._directions)
+
+    def position(self, a: np.ndarray) -> np.ndarray:
+        """Return node positions in ldcs_base [m], shape (n_nodes, 3)."""
+        return self.coordinates(a)[: 3 * self.model.lattice.n_nodes].reshape(-1, 3)
+
+    def velocity(self, v: np.ndarray) -> np.ndarray:
+        """Return node velocities [m/s], shape (n_nodes, 3)."""
+        return np.array((v @ self._directions)[: 3 * self.model.lattice.n_nodes]).reshape(-1, 3)
+
+    def place(self, point: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return offset, shape (3,), and matrix, shape (3, n), of a point's position in reduced coordinates [m]."""
+        nodes = self.simulation.points[point].nodes
+        count = 3 * self.model.lattice.n_nodes
+        mean = self._mean[:count].reshape(-1, 3)[nodes].mean(axis=0)
+        matrix = self._directions[:, :count].reshape(self.n, -1, 3)[:, nodes].mean(axis=1).T
+        return mean, matrix
+
+    def mass(self, theta: np.ndarray) -> np.ndarray:
+        """Return the reduced mass matrix under parameters, shape (n, n)."""
+        return np.array(self._mass + max(theta[1], 0.0) * self._carried_mass)
+
+    def force(self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return the reduced force, shape (n,), at gauge pressures [Pa], shape (n_arms,)."""
+        q, u = self.coordinates(a), v @ self._directions
+        total = self._basis @ self.model.force(0.0, q, u, self._held(theta[0] * pressure))
+        total += theta[1] * self._weight
+        if theta[2] != 1.0:
+            total += (theta[2] - 1.0) * self._elastic(q)
+        return np.array(total)
+
+    def slopes(
+        self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return d(force)/da, d(force)/dv, each (n, n), and d(force)/dtheta, shape (n, 3)."""
+        q, u = self.coordinates(a), v @ self._directions
+        values = self.model.jacobian(0.0, q, u, self._held(theta[0] * pressure), definite=False)
+        by_a, by_v = (self._project(value) for value in values)
+        by_theta = np.stack([self._drive @ pressure, self._weight, self._elastic(q)], axis=1)
+        return by_a, by_v, by_theta
+
+    def step(
+        self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray, h: float, slopes: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return a and v a time h [s] later, by the Rosenbrock method ROS2 (order 2, L-stable, Verwer 1999)."""
+        mass, (by_a, by_v, _) = self.mass(theta), slopes
+        g = _GAMMA * h
+        matrix = mass - g * by_v - g * g * by_a
+
+        def stage(a: np.ndarray, v: np.ndarray, less_a: np.ndarray, less_v: np.ndarray) -> Any:
+            # (I - g J) k = F - less, with the rows of a eliminated.
+            force_a, force_v = v - less_a, self.force(a, v, pressure, theta) - mass @ less_v
+            k_v = np.linalg.solve(matrix, force_v + g * (by_a @ force_a))
+            return force_a + g * k_v, k_v
+
+        zero = np.zeros_like(a)
+        k1_a, k1_v = stage(a, v, zero, zero)
+        k2_a, k2_v = stage(a + h * k1_a, v + h * k1_v, 2.0 * k1_a, 2.0 * k1_v)
+        return a + h * (1.5 * k1_a + 0.5 * k2_a), v + h * (1.5 * k1_v + 0.5 * k2_v)
+
+    def rest(self, pressure: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return reduced coordinates at rest under gauge pressures [Pa] and parameters, shape (n,)."""
+        a, v = np.zeros(self.n), np.zeros(self.n)
+        for _ in range(60):
+            by_a, _, _ = self.slopes(a, v, pressure, theta)
+            move = np.linalg.solve(-by_a, self.force(a, v, pressure, theta))
+            a = a + move * min(1.0, 0.05 / max(float(np.abs(move).max()), 1e-12))
+            if np.abs(move).max() < 1e-9:
+                break
+        return a
+
+    def _elastic(self, q: np.ndarray) -> np.ndarray:
+        if self._springs is None:
+            return np.zeros(self.n)
+        force = np.zeros(len(q))
+        self._springs.add_force(0.0, q, self._still, self._held(np.zeros(2)), force)
+        return np.array(self._basis @ force[self.model.free])
+
+    def _project(self, values: np.ndarray) -> np.ndarray:
+        rows, columns = self.model.entries
+        used = (rows >= 0) & (columns >= 0)
+        from scipy.sparse import coo_array
+
+        size = len(self.model.free)
+        matrix = coo_array((values[used], (rows[used], columns[used])), shape=(size, size)).tocsr()
+        return np.array(self._basis @ (matrix @ self._basis.T))
+
+    def _held(self, pressure: np.ndarray) -> HeldInputs:
+        fill, vent = self._times
+        valves = tuple(Valve(0.0, float(p), float(p), fill, vent) for p in pressure)
+        return HeldInputs(valves=valves)

@@ -1,0 +1,173 @@
+"""The filter against a truth that it does not know: surface, real time, honest covariance."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from ldcs_ros import load_scene
+from ldcs_ros.estimate.basis import loaded, main_directions
+from ldcs_ros.estimate.filter import SurfaceFilter
+from ldcs_ros.estimate.reduced import NOMINAL, ReducedModel
+
+TICK = 1.0 / 80.0
+DELAY = 0.02
+NOISE, QUANTUM = 1.0e-4, 2.8e-5
+DURATION = 5.0
+POINTS = ("P0", "P1")
+
+
+def truth(stiffness, gain, load):
+    """The scene `rig` with other springs, another gain and more load."""
+    scene = loaded(load_scene("rig"), "P1", load, stiffness)
+    effects = [
+        replace(effect, pressure_gain=gain * effect.pressure_gain) if effect.name == "arms" else effect
+        for effect in scene.effects
+    ]
+    return replace(scene, effects=tuple(effects)).with_accuracy(1e-4)
+
+
+def rms(position, other):
+    """Root mean square distance of all nodes [mm]."""
+    return 1e3 * float(np.sqrt(((position - other) ** 2).sum(axis=1).mean()))
+
+
+class Course:
+    """Truth, open-loop twin and filter under the same waves of pressure."""
+
+    def __init__(self, stiffness, gain, load, *, seed=1, without=()):
+        generator = np.random.default_rng(seed)
+        real, open_loop = truth(stiffness, gain, load).build(), truth(1.0, 1.0, 0.0).build()
+        for simulation in (real, open_loop):
+            simulation.inputs.set_pressure(0.0)
+            simulation.settle()
+        self.filter = SurfaceFilter(load_scene("rig"), POINTS)
+        self.error, self.open_loop_error, self.squared, self.cost = [], [], [], []
+        under_way = deque()
+        for k in range(1, int(DURATION / TICK) + 1):
+            now = k * TICK
+            swing = 60e3 * (1.0 - np.cos(2.0 * np.pi * 0.25 * now))
+            lean = 0.15 * np.sin(2.0 * np.pi * 0.13 * now)
+            for simulation in (real, open_loop):
+                if k % 2 == 0:
+                    simulation.inputs.set_pressure((swing * (1.0 + lean), swing * (1.0 - lean)))
+                simulation.advance_to(now)
+            state = real.state
+            places = {name: real.points[name].position(state.position) for name in POINTS}
+            noisy = {name: place + generator.normal(0.0, NOISE, 3) for name, place in places.items()}
+            rounded = {name: np.round(place / QUANTUM) * QUANTUM for name, place in noisy.items()}
+            under_way.append((now, rounded))
+            self.filter.pressure(now, state.pressure + generator.normal(0.0, 100.0, 2))
+            began = time.thread_time()
+            if now - under_way[0][0] >= DELAY - 1e-9:
+                moment, measured = under_way.popleft()
+                squared = None if k in without else self.filter.correct(moment, measured)
+                if squared is not None:
+                    self.squared.append(squared)
+            estimate = self.filter.at(now)
+            self.cost.append(time.thread_time() - began)
+            self.error.append(rms(estimate.position, state.position))
+            self.open_loop_error.append(rms(open_loop.state.position, state.position))
+        self.estimate = estimate
+
+
+@pytest.fixture(scope="module", params=[(1.2, 0.7, 0.02), (0.8, 1.3, 0.02)], ids=["stiff", "soft"])
+def course(request):
+    return request.param, Course(*request.param)
+
+
+def test_the_estimate_is_within_a_millimetre_where_the_open_loop_twin_is_several_off(course):
+    _, run = course
+    later = slice(int(0.5 / TICK), None)
+    assert max(run.error[later]) < 0.5
+    assert float(np.mean(np.array(run.error[later]) ** 2)) ** 0.5 < 0.25
+    assert float(np.mean(np.array(run.open_loop_error) ** 2)) ** 0.5 > 4.0
+
+
+def test_the_hidden_parameters_are_found(course):
+    (stiffness, gain, load), run = course
+    found = run.estimate.parameters
+    assert found["gain"] == pytest.approx(gain, abs=0.03)
+    assert found["load"] == pytest.approx(9.81 * load, abs=0.03)
+    assert found["stiffness"] == pytest.approx(stiffness, abs=0.06)
+
+
+def test_normalised_innovations_lie_in_their_band(course):
+    _, run = course
+    squared = np.array(run.squared)
+    low, high = chi2.ppf([0.025, 0.975], 6)
+    assert 0.92 < np.mean((squared > low) & (squared < high)) < 0.98
+    low, high = chi2.ppf([0.025, 0.975], 6 * len(squared)) / (6 * len(squared))
+    assert low < squared.mean() / 6 < high
+    assert run.filter.outliers == 0
+
+
+def test_it_runs_in_real_time_with_margin(course):
+    _, run = course
+    assert np.mean(run.cost) < 0.5 * TICK
+
+
+def test_a_single_wild_measurement_is_left_out_and_a_true_jump_is_not():
+    scene = load_scene("rig")
+    surface = SurfaceFilter(scene, POINTS)
+    still = {name: surface.at(0.0).points[name][0] for name in POINTS}
+    wild = {name: place + 0.05 for name, place in still.items()}
+    for k in range(1, 40):
+        surface.correct(k * TICK, still)
+    assert surface.correct(40 * TICK, wild) is None and surface.outliers == 1
+    assert rms(surface.at(40 * TICK).position, surface.at(39 * TICK).position) < 0.1
+    taken = [surface.correct(k * TICK, wild) for k in range(41, 60)]
+    assert taken[0] is None and taken[-1] is not None
+
+
+def test_late_measurements_are_ignored_and_gaps_bridged():
+    surface = SurfaceFilter(load_scene("rig"), POINTS)
+    still = {name: surface.at(0.0).points[name][0] for name in POINTS}
+    surface.correct(0.5, still)
+    spread = surface.at(0.5).points["P1"][1]
+    assert surface.correct(0.4, still) is None
+    surface.correct(3.0, still)
+    assert np.isfinite(surface.at(3.1).position).all()
+    assert (np.linalg.eigvalsh(spread) > 0.0).all()
+
+
+def test_the_reduced_model_rests_where_the_full_one_does():
+    reduced = ReducedModel(load_scene("rig"), "P1")
+    for stiffness, gain, load, pressure in ((1.0, 1.0, 0.0, 60e3), (1.2, 0.7, 0.02, 120e3)):
+        full = truth(stiffness, gain, load).build()
+        full.inputs.set_pressure((1.1 * pressure, 0.9 * pressure))
+        full.settle()
+        theta = np.array([gain, 9.81 * load, stiffness])
+        at_rest = reduced.rest(np.array([1.1 * pressure, 0.9 * pressure]), theta)
+        assert rms(reduced.position(at_rest), full.state.position) < 0.2
+    assert NOMINAL.tolist() == [1.0, 0.0, 1.0]
+
+
+def test_slopes_are_the_derivatives_of_the_force():
+    reduced = ReducedModel(load_scene("rig"), "P1", shapes=8)
+    pressure, theta = np.array([80e3, 70e3]), np.array([0.9, 0.1, 1.1])
+    a = reduced.rest(pressure, np.array([0.9, 0.1, 1.0]))
+    v = np.full(reduced.n, 1e-3)
+    by_a, by_v, by_theta = reduced.slopes(a, v, pressure, np.array([0.9, 0.1, 1.0]))
+    base = reduced.force(a, v, pressure, np.array([0.9, 0.1, 1.0]))
+    for k in range(reduced.n):
+        small = 1e-7 * np.eye(reduced.n)[k]
+        slope = (reduced.force(a + small, v, pressure, np.array([0.9, 0.1, 1.0])) - base) / 1e-7
+        assert np.allclose(slope, by_a[:, k], rtol=1e-3, atol=1e-3 * np.abs(by_a).max())
+        slope = (reduced.force(a, v + small, pressure, np.array([0.9, 0.1, 1.0])) - base) / 1e-7
+        assert np.allclose(slope, by_v[:, k], rtol=1e-3, atol=1e-3 * np.abs(by_v).max())
+    for k, small in enumerate(1e-4 * np.eye(3)):
+        slope = (reduced.force(a, v, pressure, theta + small) - reduced.force(a, v, pressure, theta)) / 1e-4
+        assert np.allclose(slope, by_theta[:, k], rtol=1e-2, atol=1e-3 * np.abs(by_theta).max())
+
+
+def test_main_directions_are_orthonormal_and_span_the_shapes():
+    shapes = np.random.default_rng(1).normal(size=(5, 40))
+    mean, directions = main_directions(shapes, 4)
+    assert np.allclose(directions @ directions.T, np.eye(4))
+    assert np.allclose((shapes - mean) @ directions.T @ directions, shapes - mean)
