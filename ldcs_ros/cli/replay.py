@@ -91,14 +91,14 @@ def _scene(arguments: argparse.Namespace) -> Any:
     from ldcs_ros.cli.scene_argument import changed_scene, scene_with
     from ldcs_ros.errors import SceneError
     from ldcs_ros.recording import read_bag
-    from ldcs_ros.replay.description import describe
+    from ldcs_ros.replay.description import recorded_scene
 
     if arguments.scene is not None:
         return scene_with(arguments.scene, arguments.overrides)
-    description = describe(read_bag(arguments.source))
-    if description is None:
+    scene = recorded_scene(read_bag(arguments.source))
+    if scene is None:
         raise SceneError(f"{arguments.source} holds no scene that --set could change; name one with --scene")
-    return changed_scene(description.scene, arguments.overrides)
+    return changed_scene(scene, arguments.overrides)
 
 
 def _report(done: Replay) -> dict[str, Any]:

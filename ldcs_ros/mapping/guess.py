@@ -38,4 +38,12 @@ def guess_mapping(recording: Any) -> Mapping:
                 for probe, point in _PROBES.items()
                 if point not in measured
             ]
-    return Mapping(tuple(commands), tuple(measurements))
+    return Mapping(tuple(commands), tuple(_one_each(measurements)))
+
+
+def _one_each(measurements: list[MeasurementSource]) -> list[MeasurementSource]:
+    # A bridge reports its rig under `rig/P0/pose` beside the twin's own `P0/pose`: the shorter name is its own.
+    chosen: dict[str, MeasurementSource] = {}
+    for source in sorted(measurements, key=lambda source: -source.topic.count("/")):
+        chosen[source.to] = source
+    return list(chosen.values())

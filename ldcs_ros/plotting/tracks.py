@@ -107,7 +107,7 @@ def surface_track(recording: Any) -> SurfaceTrack:
 def point_tracks(recording: Any, *, truth: bool) -> dict[str, Track]:
     """Return positions [m], shape (n, 3), by point: true ones (`truth/<name>/pose`) or the tracker's."""
     tracks = {}
-    for topic, channel in sorted(recording.channels.items()):
+    for topic, channel in _longest_first(recording):
         parts = topic.strip("/").split("/")
         is_truth = len(parts) >= 3 and parts[-3] == "truth"
         if (
@@ -139,7 +139,7 @@ def joint_tracks(recording: Any) -> tuple[tuple[str, ...], Track, Track] | None:
 def pressure_tracks(recording: Any) -> dict[str, Track]:
     """Return the measured absolute pressures [Pa], shape (n,), by arm name."""
     tracks = {}
-    for topic, channel in sorted(recording.channels.items()):
+    for topic, channel in _longest_first(recording):
         if _ends(topic, "pressure") and channel.type == PRESSURE and len(channel.messages):
             messages = list(channel.messages)
             value = np.array([m.fluid_pressure for m in messages])
@@ -159,6 +159,11 @@ def _stamps(messages: Sequence[Any], start: int) -> np.ndarray:
         [m.header.stamp.sec * 1_000_000_000 + m.header.stamp.nanosec for m in messages], dtype=np.int64
     )
     return seconds(stamps, start)
+
+
+def _longest_first(recording: Any) -> list[tuple[str, Any]]:
+    # A bridge reports its rig under `rig/P0/pose` beside the twin's own `P0/pose`: the shorter name, read last, stays.
+    return sorted(recording.channels.items(), key=lambda item: (-item[0].count("/"), item[0]))
 
 
 def _ends(topic: str, name: str) -> bool:

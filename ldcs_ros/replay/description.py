@@ -65,18 +65,17 @@ class RunDescription:
 
 
 def describe(recording: Any) -> RunDescription | None:
-    """Return how the recorded run was built, None for a bag that this project did not write.
+    """Return how the recorded run was built, None for a bag that is no recording of a twin.
 
     Raises:
         RecordingError: The bag says it, but not in a way that can be read.
         SceneError: Its scene is not sound for this version.
     """
     said = recording.custom_data
-    if "scene" not in said:
+    scene = recorded_scene(recording)
+    # The bridge puts its rig's file into the bag of what the rig did.
+    if scene is None or "rig" in said:
         return None
-    scene = parse_scene(
-        said["scene"], name=said.get("scene_name", "scene"), origin=f"scene of {recording.name}"
-    )
     try:
         return RunDescription(
             scene=scene,
@@ -93,6 +92,20 @@ def describe(recording: Any) -> RunDescription | None:
         )
     except ValueError as error:
         raise RecordingError(f"the custom_data of {recording.name} cannot be read: {error}") from error
+
+
+def recorded_scene(recording: Any) -> Scene | None:
+    """Return the scene that a bag carries, of its twin or of the twin beside its rig; None if it has none.
+
+    Raises:
+        SceneError: Its scene is not sound for this version.
+    """
+    said = recording.custom_data
+    if "scene" not in said:
+        return None
+    return parse_scene(
+        said["scene"], name=said.get("scene_name", "scene"), origin=f"scene of {recording.name}"
+    )
 
 
 def _optional(said: Any, key: str, convert: Any) -> Any:

@@ -17,7 +17,7 @@ from ldcs_ros.interface.twin import Twin
 from ldcs_ros.mapping import Mapping, guess_mapping
 from ldcs_ros.mapping.intake import Intake
 from ldcs_ros.recording import Recording, read_bag
-from ldcs_ros.replay.description import VERSIONS, RunDescription, describe
+from ldcs_ros.replay.description import VERSIONS, RunDescription, describe, recorded_scene
 from ldcs_ros.replay.feed import Outcome, feed
 from ldcs_ros.replay.foreign import mapped_commands
 from ldcs_ros.replay.own import timeline
@@ -149,14 +149,15 @@ def _replay_foreign(
     tell: Callable[[float, float], None],
     stop: Callable[[], bool],
 ) -> Replay:
-    if changes.scene is None:
+    scene = changes.scene or recorded_scene(recording)
+    if scene is None:
         raise SceneError(
             f"{recording.name} does not say what it is a recording of; "
             "name the scene that stands for it, such as --scene rig"
         )
     commands, intakes, origin = mapped_commands(recording, mapping)
     description = RunDescription(
-        scene=without_schedule(changes.scene),
+        scene=without_schedule(scene),
         seed=changes.seed,
         accuracy=changes.accuracy,
         ambient_pressure=mapping.ambient_pressure,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import pytest
 
-from ldcs_ros.mapping import MappingError, load, load_mapping
+from ldcs_ros.mapping import MappingError, guess_mapping, load, load_mapping
 from ldcs_ros.mapping.load import parse_mapping
 
 
@@ -67,3 +68,24 @@ def test_a_file_that_is_none_is_refused(tmp_path):
         load_mapping(tmp_path / "bad.yaml")
     with pytest.raises(MappingError, match="No such file"):
         load_mapping(tmp_path / "none.yaml")
+
+
+class Bag:
+    """A recording's topics by type."""
+
+    def __init__(self, **topics):
+        self.topics = {name: SimpleNamespace(type=kind) for name, kind in topics.items()}
+
+
+def test_our_own_names_need_no_file_and_a_bridges_report_of_its_rig_is_not_the_measurement():
+    pose, fluid = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/FluidPressure"
+    topics = {"/a/P0/pose": pose, "/a/rig/P0/pose": pose, "/a/truth/P0/pose": pose, "/a/left/pressure": fluid}
+    driver = {"/trakstar_msg": "geometry_msgs/msg/TransformStamped", "/a/pressure_command": fluid}
+    mapping = guess_mapping(Bag(**topics, **driver))
+    found = {source.to: (source.topic, source.child) for source in mapping.measurements}
+    assert found == {
+        "P0": ("/a/P0/pose", ""),
+        "P1": ("/trakstar_msg", "trakstar1"),
+        "left/pressure": ("/a/left/pressure", ""),
+    }
+    assert not mapping.commands, "of another type"

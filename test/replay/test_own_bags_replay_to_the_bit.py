@@ -31,7 +31,8 @@ def same(folder, tmp_path, **keywords):
 
 def test_commands_act_again_at_the_very_time_at_which_they_acted(recorded, pneumatic, tmp_path):
     # Rates whose periods are no whole nanoseconds, and commands at times that are no events.
-    with recorded(pneumatic, publish_rate=60.0, tracker_rate=70.0, seed=5, accuracy=3e-5) as twin:
+    unusual = {"publish_clock": True, "publish_tf": True, "ambient_pressure": 9.7e4}
+    with recorded(pneumatic, publish_rate=60.0, tracker_rate=70.0, seed=5, accuracy=3e-5, **unusual) as twin:
         twin.receive("pressure_command", pressure_command([1e4, 2e4]))
         twin.advance_to(1.0 / 3.0)
         twin.receive("pressure_command", pressure_command([8e4]))

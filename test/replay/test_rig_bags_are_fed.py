@@ -12,7 +12,7 @@ from ldcs_ros.interface.messages import pressure_command
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.mapping import MappingError
 from ldcs_ros.mapping.load import parse_mapping
-from ldcs_ros.recording import read_bag
+from ldcs_ros.recording import BagWriter, read_bag
 from ldcs_ros.replay.session import Changes, replay, without_schedule
 from ldcs_ros.replay.session import replay as run_replay
 
@@ -177,3 +177,14 @@ def test_a_mapping_that_does_not_fit_is_refused_before_anything_is_written(tmp_p
     with pytest.raises(ValueError, match="--scene rig"):
         replay(source, tmp_path / "twin")
     assert not (tmp_path / "twin").exists()
+
+
+def test_the_bag_of_a_rig_beside_a_twin_brings_its_scene_and_gets_no_verdict(tmp_path, pneumatic):
+    said = {"scene": pneumatic.text, "rig": "title: a valve island\n"}
+    with BagWriter(tmp_path / "rig", topics={}, custom_data=said) as writer:
+        for k in range(5):
+            command = pressure_command([1e4 * k, 0.0])
+            writer.write("/ldcs/pressure_command", "std_msgs/msg/Float64MultiArray", command, k * 50 * MS)
+    done = replay(tmp_path / "rig", tmp_path / "twin")
+    assert done.verdict is None and done.twin.settled and done.outcome.applied == 4
+    assert not done.twin.scene.inputs
