@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
+import yaml
 from PIL import Image
 
 from ldcs_ros import shipped_scenes
 from ldcs_ros.cli.main import VERBS
 from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.mapping.load import parse_mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -69,6 +73,21 @@ def test_the_picture_stands_on_the_first_screen():
     assert TEXT.index("docs/images/surface.png") < 1200 and TEXT.index("make sim") < 1800
 
 
-def test_the_commands_that_made_the_picture_parse(ldcs):
+def test_the_commands_parse():
     lines = re.findall(r"^    ldcs (.*)$", TEXT, re.MULTILINE)
-    assert len(lines) == 2 and all(line.split()[0] in VERBS for line in lines)
+    assert len(lines) > 2
+    for line in lines:
+        verb, *words = line.split()
+        parser = argparse.ArgumentParser(exit_on_error=False)
+        import_module(VERBS[verb].module).add_arguments(parser)
+        parser.parse_args(words)
+
+
+def test_the_mapping_file_is_one():
+    block = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)[1]
+    mapping = parse_mapping(yaml.safe_load(block))
+    assert len(mapping.commands) == 1 and {source.to for source in mapping.measurements} == {
+        "P0",
+        "P1",
+        "left/pressure",
+    }
