@@ -39,7 +39,7 @@ class Identification:
         fitted: Score of each fitted bag.
         held_out: Score of each bag that was not fitted.
         minima: Different minima that were found, best first.
-        evaluations: Runs of all bags that were computed.
+        evaluations: Parameter sets that were computed, each for all bags.
     """
 
     content: dict[str, Any]
@@ -86,6 +86,7 @@ def identify(
     check_parameters(parameters, content)
     with Workers(content, experiments, processes=processes) as workers:
         minima = search(parameters, workers, starts=starts, seed=seed, tell=tell)
+        evaluations = workers.count
     best = minima[0]
     whole = score(experiments, best.residual)
     finding = misfit(whole, len(parameters))
@@ -109,5 +110,5 @@ def identify(
         fitted=scores(experiments, best.residual),
         held_out=unseen,
         minima=distinct(minima),
-        evaluations=starts + sum(minimum.evaluations for minimum in minima),
+        evaluations=evaluations,
     )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import numpy as np
 
-from ldcs_ros.identify.experiments import Experiment
+from ldcs_ros.identify.experiments import Experiment, IdentificationError
 from ldcs_ros.identify.prediction import FIT_ACCURACY, residuals
 
 _shared: tuple[dict[str, Any], Sequence[Experiment]] | None = None
@@ -23,12 +25,16 @@ class Workers:
         content: The scene that is fitted.
         experiments: The bags.
         processes: How many; 1 computes in this process, None takes one a core.
+
+    Attributes:
+        count: Parameter sets computed so far.
     """
 
     def __init__(
         self, content: dict[str, Any], experiments: Sequence[Experiment], *, processes: int | None = None
     ) -> None:
         self._content, self._experiments = content, experiments
+        self.count = 0
         count = processes or len(os.sched_getaffinity(0))
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
@@ -43,14 +49,25 @@ class Workers:
     def residuals(
         self, candidates: Sequence[dict[str, float]], *, accuracy: float = FIT_ACCURACY
     ) -> list[np.ndarray | None]:
-        """Return for each candidate the residuals of all bags in one vector; None if a bag has no answer."""
+        """Return for each candidate the residuals of all bags in one vector; None if a bag has no answer.
+
+        Raises:
+            IdentificationError: A worker process ended.
+        """
+        self.count += len(candidates)
         jobs = [
             (values, number, accuracy) for values in candidates for number in range(len(self._experiments))
         ]
         if self._pool is None:
             parts = [residuals(self._content, v, self._experiments[k], accuracy=a) for v, k, a in jobs]
         else:
-            parts = list(self._pool.map(_compute, jobs))
+            try:
+                parts = list(self._pool.map(_compute, jobs))
+            except BrokenProcessPool as error:
+                raise IdentificationError(
+                    "a worker process ended (out of memory, or a script without `if __name__ == '__main__':`); "
+                    "use one process"
+                ) from error
         size = len(self._experiments)
         rows = [parts[size * k : size * (k + 1)] for k in range(len(candidates))]
         return [None if any(p is None for p in row) else np.concatenate(row) for row in rows]  # type: ignore[arg-type]
@@ -65,6 +82,8 @@ class Workers:
 
 def _begin(content: dict[str, Any], experiments: Sequence[Experiment]) -> None:
     global _shared
+    # Ctrl-C reaches the whole group: the caller ends the workers, they do not complain on their own.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared = (content, experiments)
 
 

@@ -124,7 +124,7 @@ def test_white_residuals_are_no_misfit_and_lasting_ones_are_before_they_are_larg
 
 def test_a_direction_without_data_is_wide():
     jacobian = np.outer(np.linspace(0.0, 1.0, 50), [1.0, 1.0])
-    minimum = Minimum(np.array([0.5, 0.5]), np.zeros(50), jacobian, 1, True)
+    minimum = Minimum(np.array([0.5, 0.5]), np.zeros(50), jacobian, True)
     assert np.sqrt(np.diag(covariance(minimum))).min() > 1e3
 
 
