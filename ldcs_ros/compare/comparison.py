@@ -141,8 +141,14 @@ def _names(a: str, b: str) -> tuple[str, str]:
 
 
 def _only(a: Side, b: Side) -> tuple[str, ...]:
-    told = [f"{name} (only in {a.name})" for name in sorted(a.series.keys() - b.series.keys())]
-    told += [f"{name} (only in {b.name})" for name in sorted(b.series.keys() - a.series.keys())]
-    if (a.surface is None) != (b.surface is None):
-        told.append(f"{SURFACE} (only in {b.name if a.surface is None else a.name})")
+    told = []
+    for one, other in ((a, b), (b, a)):
+        names = sorted(one.series.keys() - other.series.keys())
+        joints = [name for name in names if name.startswith("joint/")]
+        if len(joints) > 2:
+            names = [name for name in names if name not in joints] + [f"{len(joints)} joints"]
+        if one.surface is not None and other.surface is None:
+            names.append(SURFACE)
+        if names:
+            told.append(f"only in {one.name}: {', '.join(names)}")
     return tuple(told)

@@ -53,9 +53,9 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
         for channel in comparison.channels.values()
         if channel.skipped
     ]
-    only = [f"not compared: {', '.join(comparison.only)}"] if comparison.only else []
-    if remarks or skipped or only:
-        lines += ["## Remarks", "", *(f"- {line}" for line in [*only, *skipped, *remarks]), ""]
+    told = [*comparison.only, *skipped, *remarks]
+    if told:
+        lines += ["## Remarks", "", *(f"- {line}" for line in told), ""]
     for picture in pictures:
         lines += [f"![{picture}]({picture})", ""]
     return "\n".join(lines)
@@ -114,6 +114,8 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
         lines.append(("joints", f"the worst, {worst.name[6:]}: {_sentence(worst.overall, 'rad')}"))
     if comparison.surface is not None:
         lines.append((SURFACE, _sentence(comparison.surface.figures, "m")))
+    for side in (comparison.a, comparison.b):
+        lines += [("remark", f"{side.name}: {remark}") for remark in side.remarks]
     for one in comparison.checks:
         if not one.passed:
             lines.append(

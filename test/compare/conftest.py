@@ -9,28 +9,16 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
 
 import rig_bag  # noqa: E402
+from moving_sheet import SCENE  # noqa: E402
 
 from ldcs_ros import load_scene  # noqa: E402
 from ldcs_ros.interface.messages import pressure_command  # noqa: E402
 from ldcs_ros.interface.recorder import Recorder  # noqa: E402
 from ldcs_ros.interface.twin import Twin  # noqa: E402
-
-SCENE = {
-    "title": "A small sheet that is lifted and let down",
-    "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [5, 5], "mass": 0.160},
-    "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
-        {"type": "gravity"},
-        {"type": "clamp", "edge": "x_min"},
-        {"type": "arms", "drive": "pressure"},
-    ],
-    "sensors": {"tracker": {"points": ["P0", "P1"], "rate": 80.0}, "pressure": {"rate": 100.0}},
-    "solver": {"integrator": "auto", "accuracy": 1.0e-4},
-}
 
 
 def record(folder, *, seed=None, **changes):
