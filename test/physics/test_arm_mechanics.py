@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ldcs_ros import load_scene
+from ldcs_ros.errors import SceneError
 from ldcs_ros.physics.inputs import NO_INPUTS
 
 
@@ -82,6 +84,19 @@ def test_a_stiff_base_and_a_raised_backbone_keep_the_flat_sheet_flat():
     stations = simulation.model.arms.station_positions(q)[0]
     np.testing.assert_allclose(stations[:, 0], [0.0, 0.035, 0.070, 0.105, 0.140], atol=1e-15)
     np.testing.assert_allclose(stations[:, 1], 0.004, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("arms", "words"),
+    [({"rigid_base": 0.035}, "less than a link"), ({"backbone_height": 0.006}, "inside the sheet")],
+)
+def test_an_arm_outside_of_its_sheet_is_refused_when_the_scene_is_built(arms, words):
+    scene = {
+        "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [9, 9], "mass": 0.16},
+        "effects": [{"type": "springs"}, {"type": "clamp"}, {"type": "arms", **arms}],
+    }
+    with pytest.raises(SceneError, match=words):
+        load_scene(scene).build()
 
 
 def test_a_backbone_above_the_mid_plane_lengthens_the_mid_plane_of_a_bent_arm():
