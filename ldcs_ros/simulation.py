@@ -178,7 +178,8 @@ class Simulation:
         arms = (2, -1) if self.model.n_angles else (0, 0)
         # A command that nobody has advanced past yet is waiting to act.
         waiting = self._seen != self.inputs.version
-        memory = (self._step, self._pace, self._held, waiting, self._next_command)
+        rhythm = (self._commanded, self._expected)
+        memory = (self._step, self._pace, self._held, waiting, self._next_command, rhythm)
         return State(
             time=self.time,
             position=motion.q[:n].reshape(-1, 3),
@@ -271,6 +272,7 @@ class Simulation:
         motion = self.integrator.start(self.time, q, u, self._held)
         self._step = Step(motion, motion, 0.0)
         self._pace: Pace = self._control.first(motion)
+        self._commanded, self._expected = -math.inf, math.inf
 
     def _advance(self, time: float) -> None:
         self._take_commands()
@@ -289,7 +291,7 @@ class Simulation:
     def _integrate_to(self, stop: float) -> None:
         while self._step.right.time < stop - SAME_TIME:
             start = self._step.right
-            corners = (self._next_event(), *self.model.breakpoints)
+            corners = (self._next_event(), self._expected, *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + SAME_TIME), default=math.inf)
             step, pace = self._control.advance(start, self._held, self._pace, barrier)
             self._step = step
@@ -305,9 +307,13 @@ class Simulation:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
         before = self.model.accelerate(self.time, motion.q, motion.u, self._held)
         after = self.model.accelerate(self.time, motion.q, motion.u, held)
-        motion = Motion(motion.time, motion.q, motion.u, motion.a + (after - before))
+        jump = after - before
+        lasting = motion.a + self.integrator.soften(motion, jump)
+        motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._seen = held, self.inputs.version
-        self._step, self._pace = Step(motion, motion, 0.0), self._control.corner(self._pace)
+        self._step = Step(motion, motion, 0.0)
+        # Whoever commands at a steady rate will do so again: no step past that time is worth taking.
+        self._expected, self._commanded = 2.0 * self.time - self._commanded, self.time
 
     def _next_event(self) -> float:
         schedule = self.scene.inputs
@@ -334,7 +340,9 @@ class Simulation:
             raise ValueError(
                 "this state was not made by a simulation; reset() without it goes to the scene's start"
             )
-        (self._step, self._pace, self._held, waiting, self._next_command), inputs, integrator = state.memory
+        memory, inputs, integrator = state.memory
+        self._step, self._pace, self._held, waiting, self._next_command, rhythm = memory
+        self._commanded, self._expected = rhythm
         self.time = state.time
         self.inputs.restore(inputs)
         self._seen = -1 if waiting else self.inputs.version

@@ -86,7 +86,8 @@ class Step:
         h = self.right.time - self.left.time
         q0, q1 = self.left.q[model.free], self.right.q[model.free]
         u0, u1 = h * self.left.u[model.free], h * self.right.u[model.free]
-        a0, a1 = h * h * self.left.a, h * h * self.right.a
+        start = self.left.a if self.left.lasting is None else self.left.lasting
+        a0, a1 = h * h * start, h * h * self.right.a
         gap, rate, acceleration = q1 - q0 - u0 - 0.5 * a0, u1 - u0 - a0, a1 - a0
         c3 = 10.0 * gap - 4.0 * rate + 0.5 * acceleration
         c4 = -15.0 * gap + 7.0 * rate - acceleration
@@ -113,6 +114,8 @@ class Integrator:
     def __post_init__(self) -> None:
         self._reach = np.ones(len(self.model.free))
         self._reach[self.model.n_free_nodes :] = self.model.lattice.size[0]
+        # Iterations that an implicit step may take; more than this, and a shorter step is cheaper.
+        self.patience = 10
 
     def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Motion:
         """Return the motion at coordinates q and rates u, with the accelerations that the inputs give."""
@@ -132,6 +135,10 @@ class Integrator:
             StepFailure: It cannot be taken at this size.
         """
         raise NotImplementedError
+
+    def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
+        """Return the part of a jump in acceleration [m/s^2] that lasts through the next step; here all of it."""
+        return jump
 
     def largest_displacement(self, q: np.ndarray) -> float:
         """Return the largest displacement [m] in free coordinates; an angle counts as its arm's tip."""

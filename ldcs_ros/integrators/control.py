@@ -21,7 +21,7 @@ LEAST_GROWTH = 1.2
 # After a step that did not converge, longer ones are tried again little by little.
 CEILING_SHARE = 0.7
 CEILING_GROWTH = 1.1
-# After a corner in commands or drives the smooth step before it says little about the one after it.
+# After a corner in drives the smooth step before says little about the one after it.
 CORNER_SHARE = 0.25
 # All errors that the motion remembers may add up to this share of what is asked by the methods' own estimates,
 # which are low by a factor of up to ESTIMATE_FACTOR (measured on all shipped scenes from 1e-3 to 1e-7 m).
@@ -33,7 +33,9 @@ BEND_SHARE = 1.0 / 8.0
 # A motion without damping is taken to be followed for this long [s].
 HORIZON = 10.0
 # Steps of a fixed length have no accuracy to iterate to: their stages are solved to this [m].
-FIXED_STEP_TOLERANCE = 1e-9
+FIXED_STEP_TOLERANCE = 1e-8
+HALVINGS = 10
+PATIENCE = 40  # iterations: a fixed step cannot be shortened for being slow
 
 
 @dataclass(frozen=True)
@@ -146,14 +148,24 @@ class FixedSteps:
         clipped = motion.time + self.h * (1 + 1e-6) >= stop
         h = stop - motion.time if clipped else self.h
         try:
-            step = self.integrator.step(motion, inputs, h, FIXED_STEP_TOLERANCE)
+            step = self._divided(motion, inputs, h, HALVINGS)
         except StepFailure as failure:
-            self.integrator.counters.rejected_steps += 1
             raise DivergenceError(
                 f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {h:g} s of "
                 f"{self.integrator.name} failed: {failure}; reduce dt or use 'integrator: auto'"
             ) from failure
         return _landed(step, stop if clipped else self._tick(step.right.time)), pace
+
+    def _divided(self, motion: Motion, inputs: HeldInputs, h: float, halvings: int) -> Step:
+        # A step whose iteration does not converge is taken in halves and counted as rejected: still an answer.
+        try:
+            return self.integrator.step(motion, inputs, h, FIXED_STEP_TOLERANCE)
+        except StepFailure:
+            self.integrator.counters.rejected_steps += 1
+            if halvings == 0:
+                raise
+        first = self._divided(motion, inputs, 0.5 * h, halvings - 1)
+        return self._divided(first.right, inputs, 0.5 * h, halvings - 1)
 
     def _tick(self, time: float) -> float:
         # Times on the grid of whole steps are exact multiples: a thousand additions do not drift.

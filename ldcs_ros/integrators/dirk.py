@@ -17,7 +17,6 @@ from ldcs_ros.physics.model import Motion
 # An iteration stops when what is left of it is this share of the step's tolerance: its error then hides in
 # the error estimate's own uncertainty.
 ITERATION_SHARE = 0.02
-MOST_ITERATIONS = 10
 # An iteration may grow once, while the rank-one updates learn; beyond this it is given up.
 WILD_RATE = 4.0
 # Above this contraction rate new factors cost less than the iterations that they save (measured on `arc`).
@@ -88,6 +87,12 @@ class Dirk(Integrator):
         self._factors, self._rate, self._past, updates = memory
         self._updates.recall(updates)
 
+    def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
+        # W^-1 M: stiff parts (light links against stiff couplings) have their acceleration for microseconds only;
+        # a curve that began with it would carry it through all of the step.
+        kept = self._factors
+        return jump if kept is None else kept.solve(self.model.momentum(motion.q, jump))
+
     def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
         rate_step, kept, past = self.tableau.diagonal * h, self._factors, self._past
         if kept is not None and self._rate <= SLOW_RATE:
@@ -130,7 +135,10 @@ class Dirk(Integrator):
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
         rates, accelerations = np.empty((n_stages, len(free))), np.empty((n_stages, len(free)))
         q0, rates[0], accelerations[0] = motion.q[free], motion.u[free], motion.a
-        past = [point for point in self._past if point[0] < motion.time] + [(motion.time, motion.a)]
+        # Accelerations from before a jump (the motion then has another one than the last step ended with) do not
+        # tell what comes.
+        going_on = bool(self._past) and self._past[-1][1] is motion.a
+        past = [*(self._past[:-1] if going_on else ()), (motion.time, motion.a)]
         q, u = motion.q.copy(), motion.u.copy()
         worst = 0.0
         for i in range(1, n_stages):
@@ -155,9 +163,35 @@ class Dirk(Integrator):
         self._rate, self._past = worst, tuple(past[-GUESS_POINTS:])
         defect = h * (tableau.error_weights @ rates)
         rate_defect = h * (tableau.error_weights @ accelerations)
-        error = self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
         self.counters.steps += 1
-        return Step(motion, Motion(motion.time + h, q, u, accelerations[-1]), error)
+        right = Motion(motion.time + h, q, u, accelerations[-1])
+        error = self._size(h, defect, rate_defect)
+        if error > tolerance:
+            filtered = self._filtered(right, inputs, defect, rate_defect, factors)
+            error = min(error, self.largest_displacement(filtered))
+        return Step(motion, right, error)
+
+    def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
+        return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
+
+    def _filtered(
+        self, right: Motion, inputs: HeldInputs, defect: np.ndarray, rate_defect: np.ndarray, factors: Factors
+    ) -> np.ndarray:
+        """Return the positions of (1 - h g J)^-1 of an error estimate: without what damping takes away at once.
+
+        After a jump the explicit first stage has put stiff parts into the estimate that the solution does not
+        have (Shampine's filter; Hairer and Wanner, section IV.8). With C from a difference of forces,
+        W x_q = (M - h g C) e_q + h g M e_u.
+        """
+        model, step = self.model, factors.rate_step
+        scale = 1.0 / max(float(np.max(np.abs(defect))), 1e-300)
+        pushed = right.u.copy()
+        pushed[model.free] += scale * defect
+        damping = model.force(right.time, right.q, pushed, inputs) - model.momentum(right.q, right.a)
+        known = model.momentum(right.q, defect + step * rate_defect) - step / scale * damping
+        self.counters.evaluations += 1
+        self.counters.solves += 1
+        return factors.solve(known)
 
     def _solve(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
@@ -168,7 +202,7 @@ class Dirk(Integrator):
         mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
         before, rate = np.inf, min(max(self._rate, mismatch, 0.02), 0.9)
         worst, change = 0.0, None
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in range(self.patience):
             residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
             change = self._updates.step(factors.solve(residual), change)
             self.counters.evaluations += 1

@@ -25,12 +25,14 @@ class Motion:
         q: Coordinates [m, rad], shape (n_coordinates,).
         u: Their rates, same shape.
         a: Accelerations of the free coordinates, shape (n_free,).
+        lasting: After a jump, those that last for longer than microseconds; None where all do.
     """
 
     time: float
     q: np.ndarray
     u: np.ndarray
     a: np.ndarray
+    lasting: np.ndarray | None = None
 
 
 class Model:
