@@ -113,6 +113,7 @@ def _report(done: Replay) -> dict[str, Any]:
             "applied": outcome.applied,
             "unchanged": outcome.unchanged,
             "refused": dict(outcome.refused),
+            "not_reached": outcome.not_reached,
             "last_refusal": outcome.last_refusal or None,
         },
         "topics": [intake.as_dict() for intake in done.intakes],
@@ -138,6 +139,8 @@ def _lines(done: Replay) -> list[tuple[str, str]]:
     outcome, scene = done.outcome, done.twin.scene
     refused = sum(outcome.refused.values())
     commands = f"{outcome.applied} applied, {outcome.unchanged} unchanged, {refused} refused"
+    if outcome.not_reached:
+        commands += f", {outcome.not_reached} after the end"
     rest = " from the rest state" if done.twin.settled else ""
     lines = [
         ("scene", f"{scene.name} - {scene.title}"),

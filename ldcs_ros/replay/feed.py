@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -69,6 +69,7 @@ class Outcome:
         applied: Commands applied.
         unchanged: Commands that would have changed nothing, left out.
         refused: Commands that the twin refused, by reason.
+        not_reached: Commands whose time was not reached before the end.
         last_refusal: The latest refusal in words, with its time.
         interrupted: Somebody asked it to end early.
     """
@@ -76,6 +77,7 @@ class Outcome:
     applied: int = 0
     unchanged: int = 0
     refused: Counter[str] = field(default_factory=Counter)
+    not_reached: int = 0
     last_refusal: str = ""
     interrupted: bool = False
 
@@ -104,7 +106,7 @@ def is_counted(topic: Topic) -> bool:
 
 def feed(
     twin: Twin,
-    entries: Iterable[Entry],
+    entries: Sequence[Entry],
     *,
     end: int,
     last: int | None = None,
@@ -138,8 +140,9 @@ def feed(
         return False
 
     try:
-        for entry in entries:
+        for index, entry in enumerate(entries):
             if entry.time > end or outcome.interrupted:
+                outcome.not_reached = len(entries) - index
                 break
             if not advance(entry.time, entry.after):
                 outcome.interrupted = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any
@@ -41,11 +42,14 @@ class Verdict:
 
 
 def compare_runs(original: Any, again: Any, *, allowed: float | None, differing: tuple[str, ...]) -> Verdict:
-    """Return the verdict on two recordings of the same run; the shorter one says how far it is compared."""
+    """Return the verdict on two recordings of the same run, as far as the original goes."""
     topics = sorted((set(original.topics) & set(again.topics)) - {HEALTH})
     missing = sorted((set(original.topics) ^ set(again.topics)) - {HEALTH})
     difference, messages = "", 0
     for ours, theirs in zip_longest(original.in_order(topics), again.in_order(topics)):
+        # A bag that was cut off ends in the middle of what belongs to one time.
+        if ours is None and theirs.time >= original.end:
+            break
         if ours != theirs:
             one = ours or theirs
             what = (
@@ -76,7 +80,8 @@ def _largest(original: Any, again: Any) -> float | None:
         a, b = cloud_positions(ours.messages[index]), cloud_positions(theirs.messages[where[time]])
         if a.shape != b.shape:
             return None
-        largest = max(largest or 0.0, float(np.linalg.norm(a - b, axis=1).max()))
+        apart = float(np.linalg.norm(a - b, axis=1).max())
+        largest = max(largest or 0.0, math.inf if math.isnan(apart) else apart)
     return largest
 
 

@@ -183,3 +183,15 @@ def recorded_from(twin, folder):
     recorder = Recorder(folder, twin)
     twin.sinks.append(recorder)
     return closing(recorder)
+
+
+def test_a_bag_that_was_cut_off_replays_as_far_as_it_goes(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.1)
+        twin.receive("pressure_command", pressure_command([9e4]))
+        twin.advance_to(0.3)
+    original = read_bag(tmp_path / "original")
+    with BagWriter(tmp_path / "cut", topics=original.topics, custom_data=original.custom_data) as writer:
+        for message in list(original.in_order())[:-3]:
+            writer.write(*message)
+    same(tmp_path / "cut", tmp_path)

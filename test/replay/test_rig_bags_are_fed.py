@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 import rig_bag
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from rig_bag import WALL, array, fluid, transform, wrench, write
 
 from ldcs_ros.interface.cdr import decode
@@ -188,3 +192,33 @@ def test_the_bag_of_a_rig_beside_a_twin_brings_its_scene_and_gets_no_verdict(tmp
     done = replay(tmp_path / "rig", tmp_path / "twin")
     assert done.verdict is None and done.twin.settled and done.outcome.applied == 4
     assert not done.twin.scene.inputs
+
+
+TYPES = (
+    "std_msgs/msg/Float64MultiArray",
+    "sensor_msgs/msg/FluidPressure",
+    "std_msgs/msg/Float64",
+    "std_msgs/msg/String",
+    "geometry_msgs/msg/WrenchStamped",
+)
+NUMBER = st.one_of(st.floats(), st.floats(-1e5, 2e5)).map(
+    lambda value: b"\x00\x01\x00\x00" + struct.pack("<d", value)
+)
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    kind=st.sampled_from(TYPES),
+    cdrs=st.lists(st.one_of(st.binary(max_size=80), NUMBER), min_size=1, max_size=12),
+    to=st.sampled_from(["pressure_command", "external_wrench"]),
+    time=st.sampled_from(["log", "stamp"]),
+)
+def test_no_bytes_break_a_replay(tmp_path_factory, pneumatic, kind, cdrs, to, time):
+    folder = tmp_path_factory.mktemp("bytes")
+    source = write(folder / "rig", [("/x", WALL + k * 10 * MS, (kind, cdr)) for k, cdr in enumerate(cdrs)])
+    done = run(source, folder, pneumatic, mapping({"topic": "/x", "to": to}, time=time))
+    outcome, intake = done.outcome, done.intakes[0]
+    assert intake.messages == len(cdrs) and np.isfinite(done.twin.simulation.state.position).all()
+    dealt_with = outcome.applied + outcome.unchanged + sum(outcome.refused.values()) + outcome.not_reached
+    # A message that is found to be malformed when its turn comes counts as one that changed nothing, too.
+    assert dealt_with >= len(cdrs) - intake.duplicates - intake.malformed
