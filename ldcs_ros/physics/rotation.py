@@ -79,8 +79,15 @@ def best_rotation(m, rotation):  # type: ignore[no-untyped-def]
 
 @compiled
 def inverse(m, out):  # type: ignore[no-untyped-def]
-    """Write the inverse of a symmetric 3 x 3 matrix, by cofactors; 1e-12 of its trace keeps it regular."""
-    shift = 1e-12 * (m[0, 0] + m[1, 1] + m[2, 2]) + 1e-300
+    """Write the inverse of a symmetric 3 x 3 matrix, by cofactors; 1e-12 of its trace keeps it regular.
+
+    The inverse of nothing is nothing: the least answer for a star whose nodes are all in one point.
+    """
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    if not abs(trace) > 1e-90:
+        out[:, :] = 0.0
+        return
+    shift = 1e-12 * trace
     a, b, c = m[0, 0] + shift, m[1, 1] + shift, m[2, 2] + shift
     d, e, f = m[0, 1], m[0, 2], m[1, 2]
     out[0, 0] = b * c - f * f

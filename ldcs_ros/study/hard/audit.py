@@ -1,0 +1,109 @@
+"""The energy audit: what inputs and drives put into a run against what is stored and what dampers took."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ldcs_ros.integrators.base import Step
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.model import Model, Motion
+
+# Gauss-Legendre points of a step: exact for polynomials of degree 9, a step's own curve has degree 5.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+@dataclass(frozen=True)
+class Power:
+    """What changes the energy at an instant [W].
+
+    Attributes:
+        work: Of drive torques, wrenches and prescribed motion.
+        dissipated: By dampers, drag and contact.
+    """
+
+    work: float
+    dissipated: float
+
+
+def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Power:
+    """Return the power of inputs and dampers at coordinates q and rates u.
+
+    The stored energy counts the kinetic energy of free coordinates only, so what moves a prescribed one delivers
+    minus the force on it times its rate. The arms' force contains terms of the second order in the rates
+    that do no work (they belong to the changing inertia); dampers are odd in the rates and are told by that.
+    """
+    still = np.zeros_like(u)
+    work = dissipated = 0.0
+    reaction = np.zeros(model.n_coordinates)
+    for term in model.terms:
+        at_rest, moving = np.zeros(model.n_coordinates), np.zeros(model.n_coordinates)
+        term.add_force(time, q, still, inputs, at_rest)
+        term.add_force(time, q, u, inputs, moving)
+        damping = moving - at_rest
+        if term is model.arms:
+            back = np.zeros(model.n_coordinates)
+            term.add_force(time, q, -u, inputs, back)
+            damping = 0.5 * (moving - back)
+            torque = term.drive_torque(time, inputs)  # type: ignore[attr-defined]
+            joint_rate = np.diff(u[-model.n_angles :].reshape(2, -1), axis=1, prepend=0.0)
+            work += float(np.sum(torque * joint_rate))
+        if term is model.wrench:
+            work += float(u @ at_rest)
+        dissipated -= float(u @ damping)
+        reaction += at_rest + damping
+    reaction[model.free] = 0.0
+    return Power(work - float(u @ reaction), dissipated)
+
+
+class EnergyAudit:
+    """Adds up a run's energy, step by step.
+
+    Args:
+        model: The model.
+        motion: Where the run starts.
+
+    Attributes:
+        worst: Largest residual so far, |kinetic + potential + dissipated - work - start| [J].
+        growth: Largest excess of stored and dissipated energy over what was put in [J].
+        moved: Largest energy that was stored, put in or dissipated so far [J]: what the residual is a share of.
+    """
+
+    def __init__(self, model: Model, motion: Motion) -> None:
+        self.model = model
+        self.begin(motion)
+        self.work = self.dissipated = 0.0
+        self.worst = self.growth = self.moved = 0.0
+
+    def begin(self, motion: Motion) -> None:
+        """Take a motion as the start."""
+        self.start = self._potential(motion)
+        self.kinetic = self._kinetic(motion)
+
+    def follow(self, step: Step, end: float, inputs: HeldInputs) -> None:
+        """Add one step, up to a time `end` [s] if it goes further."""
+        left, right = step.left.time, min(step.right.time, end)
+        half = 0.5 * (right - left)
+        for point, weight in zip(_POINTS, _WEIGHTS, strict=True):
+            motion = step.at(left + half * (1.0 + point), self.model)
+            now = power(self.model, motion.time, motion.q, motion.u, inputs)
+            self.work += half * weight * now.work
+            self.dissipated += half * weight * now.dissipated
+        motion = step.at(right, self.model)
+        kinetic, potential = self._kinetic(motion), self._potential(motion) - self.start
+        residual = kinetic + potential + self.dissipated - self.work - self.kinetic
+        self.worst, self.growth = max(self.worst, abs(residual)), max(self.growth, residual)
+        self.moved = max(self.moved, kinetic, abs(potential), abs(self.work), self.dissipated)
+
+    @property
+    def relative(self) -> float:
+        """The largest residual as a share of the energy moved; 0 where nothing moved."""
+        return self.worst / self.moved if self.moved > 0.0 else 0.0
+
+    def _potential(self, motion: Motion) -> float:
+        return self.model.potential_energy(motion.time, motion.q)
+
+    def _kinetic(self, motion: Motion) -> float:
+        rate = motion.u[self.model.free]
+        return 0.5 * float(rate @ self.model.momentum(motion.q, rate))

@@ -1,0 +1,78 @@
+"""Hard cases of large deformation: wound-up edges, sheets pressed flat, and starts that no sheet should be in."""
+
+from __future__ import annotations
+
+import math
+
+from ldcs_ros.study.hard.case import HardCase, Reference, Rest
+from ldcs_ros.study.hard.scenes import ARC, ARMS, HANGING, Content, changed
+from ldcs_ros.study.hard.starts import STARTS
+
+# The slowest motion of the hanging sheet, a swing with little stretch, decays by half a digit a second.
+UNTIL_REST = 30.0
+AT_REST = 1e-7
+MIRRORED = (
+    "springs along their axes have mirrored equilibria beside the scene's own: the sheet must come to rest in the "
+    "one in whose basin it fell"
+)
+
+
+def _wound(degrees: float) -> list[HardCase]:
+    kappa = math.radians(degrees) / 0.14
+    driven = changed(ARC, {"effects.driven_edges.curvature": kappa})
+    curved = changed(
+        {**ARMS, "inputs": []}, {"effects.arms.drive": "curvature", "effects.arms.curvature": kappa}
+    )
+    return [
+        HardCase(f"edges wound through {degrees:g} degrees", driven, 2.0, Reference(), fast=degrees == 360),
+        HardCase(f"arms wound through {degrees:g} degrees", curved, 2.0, Reference()),
+    ]
+
+
+def _recovers(start: str, law: str, scene: Content) -> HardCase:
+    own = law != "axial" or start in ("ruffled", "two_coincident")
+    return HardCase(
+        f"started {start.replace('_', ' ')}, {law}",
+        changed(scene, {"effects.springs.law": law}),
+        duration=UNTIL_REST,
+        right=Rest(AT_REST, "scene" if own else "nearest"),
+        reason="" if own else MIRRORED,
+        start=start,
+        audit=1e-2,
+        fast=law == "axial" and start in ("crumpled", "on_line", "two_coincident"),
+    )
+
+
+PRESSED: Content = changed(
+    {**HANGING, "effects": [HANGING["effects"][0], HANGING["effects"][2]]},
+    add=(
+        {"type": "gravity", "acceleration": [0.0, 0.0, -500.0]},
+        {"type": "floor", "height": -0.006, "stiffness": 1e5},
+    ),
+)
+
+SHAPE_CASES = (
+    *_wound(180),
+    *_wound(360),
+    *_wound(-360),
+    HardCase("pressed flat on the floor by 50 g", PRESSED, 1.0, Reference(), fast=True),
+    *(_recovers(start, law, HANGING) for start in STARTS for law in ("axial", "axiswise", "corotational")),
+    HardCase(
+        "arms and sheet crumpled",
+        ARMS,
+        UNTIL_REST,
+        Rest(AT_REST, "nearest"),
+        MIRRORED,
+        "crumpled",
+        audit=1e-2,
+    ),
+    HardCase(
+        "arms straight, sheet on a line",
+        ARMS,
+        UNTIL_REST,
+        Rest(AT_REST, "nearest"),
+        MIRRORED,
+        "on_line",
+        audit=1e-2,
+    ),
+)

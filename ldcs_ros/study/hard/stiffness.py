@@ -1,0 +1,115 @@
+"""Hard cases of stiffness and damping: scaled over six decades, stiff couplings, none, and far too much damping."""
+
+from __future__ import annotations
+
+from ldcs_ros.study.hard.case import Bounded, HardCase, Reference
+from ldcs_ros.study.hard.scenes import ARC, ARMS, HANGING, changed
+
+SCALES = (1e-3, 1.0, 1e3)
+STIFFNESS, DAMPING = 80.0, 5.0
+
+
+def _scaled() -> list[HardCase]:
+    cases = []
+    for name, scene in (("arc", ARC), ("arms", ARMS)):
+        for k in SCALES:
+            for c in SCALES:
+                values = {
+                    "effects.springs.stiffness": k * STIFFNESS,
+                    "effects.springs.damping": c * DAMPING,
+                }
+                cases.append(
+                    HardCase(
+                        f"{name}: stiffness x {k:g}, damping x {c:g}",
+                        changed(scene, values),
+                        duration=1.0,
+                        right=Reference(),
+                        fast=(k, c) in ((1.0, 1e3), (1e3, 1.0), (1e-3, 1e-3)),
+                    )
+                )
+    return cases
+
+
+def _couplings() -> list[HardCase]:
+    cases = []
+    for ratio in (1e2, 1e4, 1e6):
+        values = {
+            "effects.arms.coupling_stiffness": ratio * STIFFNESS,
+            "effects.arms.coupling_damping": ratio * DAMPING,
+        }
+        cases.append(
+            HardCase(
+                f"coupling {ratio:g} times as stiff as the sheet",
+                changed(ARMS, values),
+                duration=1.5,
+                right=Reference(),
+                fast=ratio == 1e6,
+            )
+        )
+        values = {**values, "effects.arms.coupling_damping": 0.0}
+        cases.append(
+            HardCase(
+                f"coupling {ratio:g} times as stiff as the sheet, undamped",
+                changed(ARMS, values),
+                duration=1.0,
+                right=Reference(),
+            )
+        )
+    return cases
+
+
+def _undamped() -> list[HardCase]:
+    cases = []
+    for method in ("esdirk43", "trbdf2"):
+        values = {"effects.springs.damping": 0.0, "solver": {"integrator": method, "accuracy": 1e-4}}
+        values["lattice.nodes"] = [5, 5]
+        cases.append(
+            HardCase(
+                f"no damping for 60 s, {method}",
+                changed(HANGING, values),
+                duration=60.0,
+                right=Bounded(0.2),
+                audit=0.2,
+                patience=400.0,
+                reason="waves finer than the asked accuracy are damped by an L-stable method: the drift is bounded, "
+                "and only downward",
+            )
+        )
+    values = {"effects.springs.damping": 0.0, "effects.gravity.acceleration": [0.0, 0.0, -0.5]}
+    cases.append(
+        HardCase("no damping, small swing for 2 s", changed(HANGING, values), duration=2.0, right=Reference())
+    )
+    return cases
+
+
+STIFFNESS_CASES = (
+    *_scaled(),
+    *_couplings(),
+    *_undamped(),
+    HardCase(
+        "so much damping that it creeps",
+        changed(ARMS, {"effects.springs.damping": 1e6, "effects.arms.coupling_damping": 1e6}),
+        duration=60.0,
+        right=Reference(),
+        fast=True,
+    ),
+    HardCase(
+        "damping a million times, stiffness a millionth",
+        changed(HANGING, {"effects.springs.damping": 5e6, "effects.springs.stiffness": 8e-5}),
+        duration=10.0,
+        right=Reference(),
+    ),
+    *(
+        HardCase(
+            f"{law}: stiffness x 1000, damping x 0.001",
+            changed(HANGING, {
+                "effects.springs.law": law,
+                "effects.springs.stiffness": 8e4,
+                "effects.springs.damping": 5e-3,
+            }),
+            duration=0.5,
+            right=Reference(),
+        )
+        for law in ("axiswise", "corotational")
+    ),
+)  # fmt: skip
