@@ -15,6 +15,7 @@ from ldcs_ros.interface.twin import Twin
 
 _DISHONEST = (0.5, 2.0)
 _STALE = 1.0
+_PATIENCE = 1.0  # s: so long it waits for the first pressure before it believes that none will come
 
 
 class Mirror:
@@ -47,6 +48,8 @@ class Mirror:
             if sample.name == arms[-1]:
                 self.filter.pressure(time, np.array([self._pressure.get(arm, 0.0) for arm in arms]))
         elif sample.kind == "position" and sample.name in self._points:
+            if not self._pressure and time < _PATIENCE:
+                return
             try:
                 if self.filter.correct(time, {sample.name: sample.value}) is not None:
                     self._corrected_at = time
@@ -78,7 +81,7 @@ class Mirror:
         values: dict[str, object] = {
             "normalised innovation squared": surface.consistency,
             "outliers": surface.outliers,
-            "restarts": self.restarts,
+            "restarts": self.restarts + surface.restarts,
         }
         for name, value in estimate.parameters.items():
             values[name] = f"{value:.3f} +- {estimate.deviation[name]:.3f}"

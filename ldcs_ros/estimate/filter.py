@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,8 +14,9 @@ from ldcs_ros.estimate.reduced import NOMINAL, PARAMETERS, ReducedModel
 from ldcs_ros.scene import Scene
 from ldcs_ros.threads import one_thread
 
-LONGEST_STEP = 0.00625
+LONGEST_STEP = 0.0125
 _SAME_MOMENT = 0.004
+_SHAPE, _RATE = 2e-4, 1e-3  # m, m/s: what no parameter explains at the start
 _OUTLIER = 30.0
 _MOST_OUTLIERS = 8
 _PATIENCE = 0.05
@@ -36,6 +37,8 @@ class Noise:
         drift: Growth of each parameter's deviation in a second, as a share of that at the start.
         motion: Standard deviation of unmodelled motion in a second at rest [m/s per root s].
         bend: The same, added for each m/s that the points move.
+        lag: Standard deviation, at the start, of the pressure at which the sheet would rest as it is [Pa].
+        ramp: Standard deviation, at the start, of that pressure's rate [Pa/s].
     """
 
     position: float = 1.0e-4
@@ -45,6 +48,8 @@ class Noise:
     drift: float = 0.02
     motion: float = 4.0e-5
     bend: float = 3.0e-3
+    lag: float = 2.0e4
+    ramp: float = 1.0e5
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,7 @@ class SurfaceFilter:
         time: Time of the state [s].
         innovations: Normalised innovation squared of the last corrections, and its degrees of freedom.
         outliers: Measurements that were left out.
+        restarts: How often they were so many that it began anew.
     """
 
     def __init__(
@@ -119,23 +125,20 @@ class SurfaceFilter:
         self._reduced = ReducedModel(scene, loaded or points[-1], shapes=shapes)
         self.points = points
         self._places = {point: self._reduced.place(point) for point in points}
-        self.time = start
-        n = self._reduced.n
-        self._theta = NOMINAL.copy()
+        self._length = scene.lattice.size[0]
         self._pressures: deque[tuple[float, np.ndarray]] = deque(maxlen=2000)
         self._pressures.append((start, np.zeros(2)))
+        self._has_pressure = self._has_begun = False
         self.innovations: deque[tuple[float, int]] = deque(maxlen=800)
-        self.outliers = 0
-        self._outliers_in_a_row = 0
-        self._scale = 1.0
-        with one_thread():
-            self._a = self._reduced.rest(np.zeros(2), self._theta)
-            self._v = np.zeros(n)
-            self._slopes = self._reduced.slopes(self._a, self._v, np.zeros(2), self._theta)
-        self._covariance = self._first_covariance()
+        self.outliers = self.restarts = 0
+        self._begin(start)
 
     def pressure(self, time: float, gauge: np.ndarray) -> None:
         """Take measured gauge pressures [Pa], shape (n_arms,), of a time [s]."""
+        if not self._has_pressure:
+            self._has_pressure = True
+            self._pressures.clear()
+            self._pressures.append((time, np.asarray(gauge, dtype=float)))
         if time > self._pressures[-1][0]:
             self._pressures.append((time, np.asarray(gauge, dtype=float)))
 
@@ -155,6 +158,9 @@ class SurfaceFilter:
         known = [point for point in measured if point in self._places]
         if time < self.time - _SAME_MOMENT or not known:
             return None
+        if not self._has_begun:
+            self._begin(time)
+            self._has_begun = True
         with one_thread():
             self._predict(time)
             n, size = self._reduced.n, len(self._covariance)
@@ -164,18 +170,20 @@ class SurfaceFilter:
                 offset, rows = self._places[point]
                 matrix[3 * i : 3 * i + 3, :n] = rows
                 innovation[3 * i : 3 * i + 3] = measured[point] - offset - rows @ self._a
-            spread = matrix @ self._covariance @ matrix.T + self.noise.position**2 * np.eye(len(innovation))
-            gain = np.linalg.solve(spread, matrix @ self._covariance).T
-            squared = float(innovation @ np.linalg.solve(spread, innovation))
-            if self._is_outlier(squared / len(innovation)):
+            believed = matrix @ self._covariance @ matrix.T
+            noise = self.noise.position**2 * np.eye(len(innovation))
+            if self._is_outlier(tuple(known), _squared(innovation, believed + noise), time):
                 return None
+            # A straight line misses a bent sheet by the square of the distance over its length.
+            noise += (float(innovation @ innovation) / self._length) ** 2 * np.eye(len(innovation))
+            squared = len(innovation) * _squared(innovation, believed + noise)
+            gain = np.linalg.solve(believed + noise, matrix @ self._covariance).T
             change = gain @ innovation
             self._a = self._a + change[:n]
             self._v = self._v + change[n : 2 * n]
             self._theta = np.clip(self._theta + change[2 * n :], _LOWEST, _HIGHEST)
             kept = np.eye(size) - gain @ matrix
-            noise = self.noise.position**2 * gain @ gain.T
-            self._covariance = kept @ self._covariance @ kept.T + noise
+            self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T
         self.innovations.append((squared, len(innovation)))
         # Covariance matching: unmodelled motion is as large as the innovations say (Mehra 1972).
         surprise = min(squared / len(innovation), 10.0) - 1.0
@@ -200,12 +208,30 @@ class SurfaceFilter:
             points,
         )
 
-    def _is_outlier(self, squared: float) -> bool:
-        far = not squared < _OUTLIER
-        self._outliers_in_a_row = self._outliers_in_a_row + 1 if far else 0
-        left_out = far and self._outliers_in_a_row <= _MOST_OUTLIERS
-        self.outliers += left_out
-        return left_out
+    def _begin(self, time: float) -> None:
+        """At rest under the present pressures, as far as anybody knows."""
+        self.time = time
+        self._theta = NOMINAL.copy()
+        self._scale = 1.0
+        self._outliers_in_a_row: Counter[tuple[str, ...]] = Counter()
+        pressure = self._pressure_at(time)
+        with one_thread():
+            self._a = self._reduced.rest(pressure, self._theta)
+            self._v = np.zeros(self._reduced.n)
+            self._slopes = self._reduced.slopes(self._a, self._v, pressure, self._theta)
+            self._covariance = self._first_covariance()
+
+    def _is_outlier(self, points: tuple[str, ...], squared: float, time: float) -> bool:
+        if squared < _OUTLIER:
+            self._outliers_in_a_row[points] = 0
+            return False
+        self.outliers += 1
+        self._outliers_in_a_row[points] += 1
+        if self._outliers_in_a_row[points] > _MOST_OUTLIERS:
+            # Not the measurements are wrong, the estimate is.
+            self.restarts += 1
+            self._begin(time)
+        return True
 
     @property
     def consistency(self) -> float:
@@ -256,15 +282,17 @@ class SurfaceFilter:
         return np.diag(variance)
 
     def _first_covariance(self) -> np.ndarray:
-        """The sheet hangs at rest: what is unknown of its shape is what is unknown of the parameters."""
-        n, noise = self._reduced.n, self.noise
+        """What is unknown of the shape follows from what is unknown of parameters, and of how far it lags behind."""
+        n, noise, nodes = self._reduced.n, self.noise, self._reduced.model.lattice.n_nodes
         by_a, _, by_theta = self._slopes
         shift = np.vstack([-np.linalg.solve(by_a, by_theta), np.zeros((n, 3)), np.eye(3)])
         start = np.array([noise.gain, noise.load, noise.stiffness])
         covariance = shift @ np.diag(start**2) @ shift.T
-        nodes = self._reduced.model.lattice.n_nodes
-        covariance[:n, :n] += np.eye(n) * nodes * (2e-4) ** 2 / n
-        covariance[n : 2 * n, n : 2 * n] += np.eye(n) * nodes * (1e-3) ** 2 / n
+        by_pressure = np.linalg.solve(by_a, self._reduced.drive)
+        lagging = by_pressure @ by_pressure.T
+        covariance[:n, :n] += noise.lag**2 * lagging + np.eye(n) * nodes * _SHAPE**2 / n
+        rates = slice(n, 2 * n)
+        covariance[rates, rates] += noise.ramp**2 * lagging + np.eye(n) * nodes * _RATE**2 / n
         return np.array(covariance)
 
     def _pressure_at(self, time: float) -> np.ndarray:
@@ -278,3 +306,8 @@ class SurfaceFilter:
                 return np.array((1.0 - share) * value + share * after[1])
             after = (then, value)
         return np.array(self._pressures[0][1])
+
+
+def _squared(innovation: np.ndarray, spread: np.ndarray) -> float:
+    """Return the normalised innovation squared, a degree of freedom."""
+    return float(innovation @ np.linalg.solve(spread, innovation)) / len(innovation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ldcs_ros.estimate.basis import main_directions, rest_shapes
 from ldcs_ros.physics.inputs import HeldInputs, Valve
@@ -32,6 +33,7 @@ class ReducedModel:
     Attributes:
         n: Number of shapes.
         model: The full model.
+        drive: Reduced force for one pascal in each arm [N/Pa], shape (n, n_arms).
     """
 
     def __init__(self, scene: Scene, point: str, *, shapes: int = 24) -> None:
@@ -46,6 +48,7 @@ class ReducedModel:
         # Directions are orthonormal in all coordinates; the prescribed ones do not move.
         self._basis = np.ascontiguousarray(directions[:, free])
         self._still = np.zeros(len(mean))
+        self._lay_out()
         springs = next((term for term in self.model.terms if term.name == "springs"), None)
         self._springs: Any = springs
         nodes = self.simulation.points[point].nodes
@@ -62,7 +65,7 @@ class ReducedModel:
         self._times = (arms.fill_time, arms.vent_time)
         unit = self._held(np.array([1.0, 0.0])), self._held(np.array([0.0, 1.0])), self._held(np.zeros(2))
         forces = [self.model.force(0.0, mean, self._still, held) for held in unit]
-        self._drive = np.stack([self._basis @ (forces[i] - forces[2]) for i in range(2)], axis=1)
+        self.drive = np.stack([self._basis @ (forces[i] - forces[2]) for i in range(2)], axis=1)
 
     def coordinates(self, a: np.ndarray) -> np.ndarray:
         """Return all coordinates [m, rad] of reduced ones, shape (n_coordinates,)."""
@@ -104,7 +107,7 @@ class ReducedModel:
         q, u = self.coordinates(a), v @ self._directions
         values = self.model.jacobian(0.0, q, u, self._held(theta[0] * pressure), definite=False)
         by_a, by_v = (self._project(value) for value in values)
-        by_theta = np.stack([self._drive @ pressure, self._weight, self._elastic(q)], axis=1)
+        by_theta = np.stack([self.drive @ pressure, self._weight, self._elastic(q)], axis=1)
         return by_a, by_v, by_theta
 
     def step(
@@ -145,13 +148,21 @@ class ReducedModel:
         return np.array(self._basis @ force[self.model.free])
 
     def _project(self, values: np.ndarray) -> np.ndarray:
-        rows, columns = self.model.entries
-        used = (rows >= 0) & (columns >= 0)
-        from scipy.sparse import coo_array
-
+        """Return B J B^T, shape (n, n), of Jacobian values at the model's entries."""
+        data = np.bincount(self._slot, values[self._used], minlength=len(self._columns))
         size = len(self.model.free)
-        matrix = coo_array((values[used], (rows[used], columns[used])), shape=(size, size)).tocsr()
-        return np.array(self._basis @ (matrix @ self._basis.T))
+        matrix = csr_array((data, self._columns, self._row_starts), shape=(size, size))
+        return np.array(self._basis @ (matrix @ self._basis_columns))
+
+    def _lay_out(self) -> None:
+        # The pattern of the Jacobian never changes: sort it once.
+        rows, columns = self.model.entries
+        self._used = np.flatnonzero((rows >= 0) & (columns >= 0))
+        size = len(self.model.free)
+        place, self._slot = np.unique(rows[self._used] * size + columns[self._used], return_inverse=True)
+        self._columns = place % size
+        self._row_starts = np.searchsorted(place, size * np.arange(size + 1))
+        self._basis_columns = np.ascontiguousarray(self._basis.T)
 
     def _held(self, pressure: np.ndarray) -> HeldInputs:
         fill, vent = self._times
