@@ -47,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.validate.measure import RADIUS_METHOD
 
     quiet = arguments.json or arguments.markdown
-    cases = all_cases()
+    with Progress(1.0, label="cases", unit="", quiet=quiet) as bar:
+        cases = all_cases(bar.show)
     calibrated = cases[-1]
     grown = paper.grown(calibrated.rest.displacement)
     blocks: list[tuple[str, Any]] = [
@@ -120,7 +121,10 @@ def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) 
         step()
         moved = determinacy.sensitivities(content)
         step()
-        rivals = list(determinacy.compare_structures(content, lambda _: step()))
+        rivals = []
+        for rival in determinacy.compare_structures(content, bar.say):
+            rivals.append(rival)
+            step()
         held = []
         stiffness = calibration.PARAMETERS[0]
         for pair in determinacy.profile(content, stiffness.path, list(PROFILE)):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from scipy.optimize import brentq
 
 from ldcs_ros.errors import DivergenceError, LdcsError
+from ldcs_ros.physics.effects.springs import LAWS
 from ldcs_ros.scene import load_scene
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.measure import Rest, at_rest
@@ -119,7 +121,19 @@ def calibrated_case() -> Case:
     return Case("calibrated", "the calibrated twin", names, float(torque), at_rest(scene))
 
 
-def all_cases() -> list[Case]:
-    """Return every case: (a) and (b) as printed under each law, the edges on the arc, (c) the calibrated twin."""
-    printed = [printed_case(law) for law in ("axial", "axiswise", "corotational")]
-    return [*printed, arc_case("axial"), calibrated_case()]
+def all_cases(tell: Callable[[float], None] = lambda share: None) -> list[Case]:
+    """Return every case: (a) and (b) as printed under each law, the edges on the arc, (c) the calibrated twin.
+
+    Args:
+        tell: Called with the share of the work that is done.
+    """
+    makers: list[Callable[[], Case]] = [
+        *(partial(printed_case, law) for law in LAWS),
+        partial(arc_case, "axial"),
+        calibrated_case,
+    ]
+    cases = []
+    for number, make in enumerate(makers, start=1):
+        cases.append(make())
+        tell(number / len(makers))
+    return cases
