@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from ldcs_ros.interface.messages import pressure_command, torque_command, wrench_command
 from ldcs_ros.interface.twin import Twin
@@ -195,3 +197,22 @@ def test_a_bag_that_was_cut_off_replays_as_far_as_it_goes(recorded, pneumatic, t
         for message in list(original.in_order())[:-3]:
             writer.write(*message)
     same(tmp_path / "cut", tmp_path)
+
+
+def test_a_copy_in_sqlite3_replays_like_the_original(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        for k in range(5):
+            twin.advance_to(0.05 * k)
+            twin.receive("pressure_command", pressure_command([2e4 * k]))
+        twin.advance_to(0.3)
+    original, store = read_bag(tmp_path / "original"), get_typestore(Stores.ROS2_KILTED)
+    with Writer(tmp_path / "copy", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for key, value in original.custom_data.items():
+            writer.set_custom_data(key, value)
+        connections = {
+            topic: writer.add_connection(topic, info.type, typestore=store)
+            for topic, info in original.topics.items()
+        }
+        for message in original.in_order():
+            writer.write(connections[message.topic], message.time, message.cdr)
+    assert same(tmp_path / "copy", tmp_path).outcome.applied == 5
