@@ -144,28 +144,29 @@ class FixedSteps:
         return pace
 
     def advance(self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float) -> tuple[Step, Pace]:
-        """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken."""
-        clipped = motion.time + self.h * (1 + 1e-6) >= stop
-        h = stop - motion.time if clipped else self.h
-        try:
-            step = self._divided(motion, inputs, h, HALVINGS)
-        except StepFailure as failure:
-            raise DivergenceError(
-                f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {h:g} s of "
-                f"{self.integrator.name} failed: {failure}; reduce dt or use 'integrator: auto'"
-            ) from failure
-        return _landed(step, stop if clipped else self._tick(step.right.time)), pace
+        """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken.
 
-    def _divided(self, motion: Motion, inputs: HeldInputs, h: float, halvings: int) -> Step:
-        # A step whose iteration does not converge is taken in halves and counted as rejected: still an answer.
-        try:
-            return self.integrator.step(motion, inputs, h, FIXED_STEP_TOLERANCE)
-        except StepFailure:
-            self.integrator.counters.rejected_steps += 1
-            if halvings == 0:
-                raise
-        first = self._divided(motion, inputs, 0.5 * h, halvings - 1)
-        return self._divided(first.right, inputs, 0.5 * h, halvings - 1)
+        A step whose iteration does not converge is counted as rejected and taken in parts: still an answer. The
+        pace then asks for what is left of it.
+        """
+        clipped = motion.time + pace.h * (1 + 1e-6) >= stop
+        whole = stop - motion.time if clipped else pace.h
+        h = whole
+        for halvings in range(HALVINGS + 1):
+            try:
+                step = self.integrator.step(motion, inputs, h, FIXED_STEP_TOLERANCE)
+                break
+            except StepFailure as failure:
+                self.integrator.counters.rejected_steps += 1
+                if halvings == HALVINGS:
+                    raise DivergenceError(
+                        f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {self.h:g} s of "
+                        f"{self.integrator.name} failed: {failure}; reduce dt or use 'integrator: auto'"
+                    ) from failure
+                h *= 0.5
+        if h < whole:
+            return step, Pace(whole - h)
+        return _landed(step, stop if clipped else self._tick(step.right.time)), Pace(self.h)
 
     def _tick(self, time: float) -> float:
         # Times on the grid of whole steps are exact multiples: a thousand additions do not drift.
