@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from ldcs_ros.physics.model import Model, Motion
 
 # Gauss-Legendre points of a step: exact for polynomials of degree 9, a step's own curve has degree 5.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+# A step's curve is trusted while its rates differ from the cubic's by this share of the rates at its ends.
+SWING = 0.1
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,20 @@ def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldI
     return Power(work - float(u @ reaction), dissipated)
 
 
+def cubic(step: Step, time: float, model: Model) -> Motion:
+    """Return the motion inside a step on the cubic through position and rate at both ends."""
+    left, right = step.left, step.right
+    h, free = right.time - left.time, model.free
+    s = (time - left.time) / h
+    q, u = left.q.copy(), left.u.copy()
+    way, u0, u1 = right.q[free] - left.q[free], h * left.u[free], h * right.u[free]
+    c2, c3 = 3.0 * way - 2.0 * u0 - u1, -2.0 * way + u0 + u1
+    q[free] += s * (u0 + s * (c2 + s * c3))
+    u[free] = (u0 + s * (2.0 * c2 + s * 3.0 * c3)) / h
+    model.prescribe(time, q, u)
+    return Motion(time, q, u, left.a)
+
+
 class EnergyAudit:
     """Adds up a run's energy, step by step.
 
@@ -85,8 +104,9 @@ class EnergyAudit:
         """Add one step, up to a time `end` [s] if it goes further."""
         left, right = step.left.time, min(step.right.time, end)
         half = 0.5 * (right - left)
+        curve = self._curve(step)
         for point, weight in zip(_POINTS, _WEIGHTS, strict=True):
-            motion = step.at(left + half * (1.0 + point), self.model)
+            motion = curve(left + half * (1.0 + point))
             now = power(self.model, motion.time, motion.q, motion.u, inputs)
             self.work += half * weight * now.work
             self.dissipated += half * weight * now.dissipated
@@ -100,6 +120,16 @@ class EnergyAudit:
     def relative(self) -> float:
         """The largest residual as a share of the energy moved; 0 where nothing moved."""
         return self.worst / self.moved if self.moved > 0.0 else 0.0
+
+    def _curve(self, step: Step) -> Callable[[float], Motion]:
+        # A step's own curve uses the accelerations at its ends. Where they belong to a transient much shorter than
+        # the step, its rates swing by more than they are, and powers of stiff dampers with their squares.
+        middle = 0.5 * (step.left.time + step.right.time)
+        own, plain = step.at(middle, self.model), cubic(step, middle, self.model)
+        swing = self._kinetic(replace(own, u=own.u - plain.u))
+        if swing > SWING**2 * max(self._kinetic(step.left), self._kinetic(step.right)):
+            return lambda time: cubic(step, time, self.model)
+        return lambda time: step.at(time, self.model)
 
     def _potential(self, motion: Motion) -> float:
         return self.model.potential_energy(motion.time, motion.q)
