@@ -12,6 +12,7 @@ from typing import Any
 from ldcs_ros import recording
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.interface.twin import Twin
+from ldcs_ros.scene.complete import complete_text
 
 DEFAULT_NAMESPACE = "/ldcs"
 
@@ -95,6 +96,7 @@ def run_description(twin: Twin) -> dict[str, str]:
     """Return what it takes to run a twin again, as texts."""
     return {
         "scene": twin.scene.text,
+        "scene_complete": complete_text(twin.scene),
         "scene_name": str(twin.scene.name),
         "seed": "" if twin.seed is None else str(twin.seed),
         "accuracy": "" if twin.accuracy is None else repr(twin.accuracy),

@@ -101,11 +101,11 @@ def recorded_scene(recording: Any) -> Scene | None:
         SceneError: Its scene is not sound for this version.
     """
     said = recording.custom_data
-    if "scene" not in said:
+    # With every default as it was then.
+    text = said.get("scene_complete") or said.get("scene")
+    if text is None:
         return None
-    return parse_scene(
-        said["scene"], name=said.get("scene_name", "scene"), origin=f"scene of {recording.name}"
-    )
+    return parse_scene(text, name=said.get("scene_name", "scene"), origin=f"scene of {recording.name}")
 
 
 def _optional(said: Any, key: str, convert: Any) -> Any:

@@ -49,11 +49,10 @@ def test_a_difference_within_the_accuracy_passes_and_is_told(ldcs, bag, tmp_path
 
 
 def test_a_difference_above_the_accuracy_fails_with_status_1(ldcs, bag, tmp_path):
-    wrong = read_bag(bag).custom_data["scene"].replace("mass: 0.010", "mass: 0.012")
     recording = read_bag(bag)
-    with BagWriter(
-        tmp_path / "wrong", topics=recording.topics, custom_data={**recording.custom_data, "scene": wrong}
-    ) as writer:
+    wrong = recording.custom_data["scene_complete"].replace("mass: 0.01\n", "mass: 0.012\n")
+    said = {**recording.custom_data, "scene_complete": wrong}
+    with BagWriter(tmp_path / "wrong", topics=recording.topics, custom_data=said) as writer:
         for message in recording.in_order():
             writer.write(*message)
     outcome = ldcs("replay", tmp_path / "wrong", "--bag", tmp_path / "again")

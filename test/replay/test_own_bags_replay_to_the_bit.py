@@ -47,7 +47,7 @@ def test_commands_act_again_at_the_very_time_at_which_they_acted(recorded, pneum
         twin.advance_to(0.7)
     done = same(tmp_path / "original", tmp_path)
     assert done.outcome.applied == 5 and not done.outcome.refused
-    assert read_bag(tmp_path / "original").custom_data["scene"] == done.twin.scene.text
+    assert read_bag(tmp_path / "original").custom_data["scene_complete"] == done.twin.scene.text
 
 
 def test_a_vent_is_replayed_from_what_it_commanded(recorded, motorised, tmp_path):

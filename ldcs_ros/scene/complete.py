@@ -1,0 +1,49 @@
+"""A scene's text with every default written out, so that a bag means the same when a default has changed."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import yaml
+
+from ldcs_ros.errors import SceneError
+from ldcs_ros.scene.load import parse_scene
+from ldcs_ros.scene.scene import Scene
+
+
+def complete_text(scene: Scene) -> str:
+    """Return the scene as YAML text that names every parameter of its effects, sensors and solver.
+
+    It means the very same scene; where that cannot be written down, the scene's own text is returned.
+    """
+    content = yaml.safe_load(scene.text)
+    for block, effect in zip(content.get("effects", []), scene.effects, strict=True):
+        for field in dataclasses.fields(effect):  # type: ignore[arg-type]
+            value = getattr(effect, field.name)
+            if field.name not in block and value is not None and value == field.default:
+                block[field.name] = _plain(value)
+    if scene.sensors:
+        content["sensors"] = {name: _plain(values) for name, values in scene.sensors.items()}
+    solver = dataclasses.asdict(scene.solver)
+    content["solver"] = {key: value for key, value in solver.items() if value is not None}
+    text = str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+    try:
+        again = parse_scene(text, name=scene.name, origin=scene.name)
+    except SceneError:
+        return scene.text
+    same = (again.effects, again.sensors, again.solver, again.inputs) == (
+        scene.effects,
+        scene.sensors,
+        scene.solver,
+        scene.inputs,
+    )
+    return text if same else scene.text
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value
