@@ -7,7 +7,8 @@ from collections import deque
 
 JUMP = 0.15
 """Smallest disagreement of stamps that is taken for a clock jump, not for a late message [s]."""
-_WINDOW = 200
+_WINDOW = 30.0
+_ROUND_TRIPS = 200
 _SMOOTHING = 0.05
 
 
@@ -34,22 +35,23 @@ class ClockEstimate:
         self.worst_latency = 0.0
         self.jumps = 0
         self.last_jump = 0.0
-        self._differences: deque[float] = deque(maxlen=_WINDOW)
-        self._round_trips: deque[tuple[float, float]] = deque(maxlen=_WINDOW)
+        self._smallest = _SlidingMinimum()
+        self._round_trips: deque[tuple[float, float]] = deque(maxlen=_ROUND_TRIPS)
         self._last_stamp: float | None = None
         self._behind = 0
         self._lock = threading.Lock()  # a link's thread and the bridge's both report
 
-    def one_way(self, stamp: float, received: float) -> None:
-        """Take the rig's stamp [s] of a message that came at `received` [s]."""
+    def one_way(self, stamp: float, received: float) -> bool:
+        """Take the rig's stamp [s] of a message that came at `received` [s]; False if it cannot be trusted yet."""
         difference = received - stamp
         with self._lock:
             if self._jumped(stamp, difference):
-                return
-            self._differences.append(difference)
+                return False
+            smallest = self._smallest.take(received, difference)
             if self.offset is None or not self._round_trips:
-                self.offset = min(self._differences)
+                self.offset = smallest
             self._count_latency(difference - self.offset)
+        return True
 
     def round_trip(self, sent: float, stamp: float, received: float) -> None:
         """Take the stamp [s] of an answer to a question that was asked at `sent` and answered at `received` [s]."""
@@ -96,7 +98,7 @@ class ClockEstimate:
     def _restart(self, jump: float) -> None:
         self.jumps += 1
         self.last_jump = jump
-        self._differences.clear()
+        self._smallest = _SlidingMinimum()
         self._round_trips.clear()
         self._last_stamp = None
 
@@ -104,3 +106,19 @@ class ClockEstimate:
         latency = max(latency, 0.0)
         self.latency += _SMOOTHING * (latency - self.latency)
         self.worst_latency = max(self.worst_latency, latency)
+
+
+class _SlidingMinimum:
+    """The smallest value of the last _WINDOW seconds; each value is looked at twice at most."""
+
+    def __init__(self) -> None:
+        self._rising: deque[tuple[float, float]] = deque()
+
+    def take(self, time: float, value: float) -> float:
+        """Take a value at a time [s]; return the smallest one in the window."""
+        while self._rising and self._rising[-1][1] >= value:
+            self._rising.pop()
+        self._rising.append((time, value))
+        while self._rising[0][0] < time - _WINDOW:
+            self._rising.popleft()
+        return self._rising[0][1]

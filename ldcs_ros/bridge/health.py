@@ -97,11 +97,8 @@ class Health:
             values[f"measured {arm} [Pa]"] = pressure
         dropped = ", ".join(f"{count} {reason}" for reason, count in new.items())
         detail = f"dropped {dropped} (last: {intake.last_drop})" if dropped else ""
-        if silence > bridge.rig.limits.rig_timeout:
-            recent = now - intake.came_at < bridge.rig.limits.rig_timeout
-            words = (
-                f"pressures are {silence:.2f} s old" if recent else f"the rig is silent for {silence:.1f} s"
-            )
+        words = intake.staleness(now, "pressure", bridge.rig.limits.rig_timeout)
+        if words:
             return Status("readings", ERROR, f"{words}; {detail}" if detail else words, values)
         if detail:
             return Status("readings", WARN, detail, values)

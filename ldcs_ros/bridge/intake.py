@@ -81,7 +81,9 @@ class Intake:
             if complaint:
                 self._drop(*complaint, channel)
                 return None
-            clock.one_way(reading.stamp, reading.received)
+            if not clock.one_way(reading.stamp, reading.received):
+                self._drop("out of order", f"stamp {reading.stamp:.6f} s is far behind", channel)
+                return None
             if clock.jumps > self._jumps[reading.source]:
                 self._jumps[reading.source] = clock.jumps
                 self._last.clear()

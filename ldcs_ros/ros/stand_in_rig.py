@@ -12,6 +12,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros import load_scene
 from ldcs_ros.bridge.mock.faults import Faults
@@ -26,6 +27,7 @@ from ldcs_ros.ros.transport import message_type
 NODE_NAME = "mock_rig"
 TRANSPORTS = ("topics", "modbus", "serial")
 STATUS_PERIOD = 2.0
+GAUGE_PERIOD = 0.02
 PARAMETERS: dict[str, Any] = {
     "scene": "rig",
     "transport": "topics",
@@ -41,7 +43,10 @@ PARAMETERS: dict[str, Any] = {
 
 
 class StandInRig(Node):
-    """Runs a stand-in rig.
+    """Runs a stand-in rig; `~/chambers` shows what no fault can hide.
+
+    That topic carries, in Pa gauge: left and right chamber, largest pressure so far, smallest and largest set-point
+    that anybody asked for.
 
     Attributes:
         finished: Never set; it runs until it is stopped.
@@ -64,7 +69,12 @@ class StandInRig(Node):
         self.add_on_set_parameters_callback(self._turn)
         self._stand.start()
         self._write_rig_file()
-        self._status = self.create_timer(STATUS_PERIOD, self._tell)
+        # The gauge on the wall: true whatever the rig's own reports say, for people and tests.
+        self._gauge = self.create_publisher(Float64MultiArray, "~/chambers", 10)
+        self._timers_kept = [
+            self.create_timer(STATUS_PERIOD, self._tell),
+            self.create_timer(GAUGE_PERIOD, self._show_gauge),
+        ]
 
     def stop(self) -> None:
         """End the rig."""
@@ -125,6 +135,11 @@ class StandInRig(Node):
             except BridgeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _show_gauge(self) -> None:
+        rig = self._rig
+        asked = [rig.lowest_setpoint, rig.highest_setpoint]
+        self._gauge.publish(Float64MultiArray(data=[*rig.pressure.tolist(), rig.peak, *asked]))
 
     def _tell(self) -> None:
         if self._stand.failure:

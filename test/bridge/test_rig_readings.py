@@ -94,6 +94,16 @@ def test_copies_and_late_comers_are_dropped():
     assert intake.dropped == {"duplicate": 1, "out of order": 1}
 
 
+@pytest.mark.parametrize("jump", [2.0, -2.0])
+def test_readings_stay_fresh_through_a_clock_jump(jump):
+    intake = Intake(5e5, 0.0)
+    for k in range(100):
+        now = 0.01 * k
+        intake.take(pressure(1e4, now + (jump if k >= 50 else 0.0), now + 0.001))
+        assert intake.silence(now + 0.001, "pressure") < 0.03
+    assert intake.dropped.total() <= 1
+
+
 def test_silence_is_that_of_the_quietest_arm():
     intake = Intake(5e5, 0.0)
     intake.take(pressure(1e4, None, 1.0, "left"))

@@ -18,7 +18,7 @@ from ldcs_ros.estimate.reduced import NOMINAL, ReducedModel
 TICK = 1.0 / 80.0
 DELAY = 0.02
 NOISE, QUANTUM = 1.0e-4, 2.8e-5
-DURATION = 5.0
+DURATION = 4.0
 POINTS = ("P0", "P1")
 
 
