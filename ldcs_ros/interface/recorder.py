@@ -109,7 +109,8 @@ def run_description(twin: Twin) -> dict[str, str]:
         "ldcs_ros": _version(),
         "python": platform.python_version(),
         **{library: metadata.version(library) for library in ("numpy", "scipy", "numba")},
-        "platform": platform.platform(),
+        # What can change a result; the kernel cannot.
+        "platform": "-".join([platform.system(), platform.machine(), *platform.libc_ver()]),
     }
 
 
