@@ -47,6 +47,8 @@ setup(
     extras_require={
         # What the bridge needs for valve islands (Modbus TCP) and serial lines.
         "rig": ["pymodbus>=3.16", "pyserial"],
+        # What `ldcs study --scheduler` needs to use more than one machine.
+        "cluster": ["distributed"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
         "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80"],
     },

@@ -33,6 +33,7 @@ VERBS: dict[str, Verb] = {
     "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
+    "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),
     "recover": Verb("ldcs_ros.cli.recover", "mend a bag that a killed process left"),
     "scenes": Verb("ldcs_ros.cli.scenes", "list the shipped scenes"),
     "effects": Verb("ldcs_ros.cli.effects", "list the physical effects and their parameters"),

@@ -1,0 +1,149 @@
+"""`ldcs study`: what accuracy costs in time, measured here: CSV, work-precision diagram, report, "
+"recommendation."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from ldcs_ros.cli.arguments import CommandLineError
+from ldcs_ros.cli.output import Progress, print_json, print_pairs
+
+DESCRIPTION = """\
+Measure what accuracy costs in time on this machine: every method with several accuracies and fixed steps, on several
+scenes and lattices, beside a compiled RKC2 baseline and SciPy's BDF. Also measured: whether the error that was asked
+for is kept on every shipped scene, what each effect costs, and how far the lattice itself is off.
+Writes study.csv, work_precision.png and study.md. Rows that are in study.csv already are not measured again, so an
+interrupted study goes on where it stopped."""
+EXAMPLE = """\
+ldcs study
+  ldcs study --full -o out/full
+  ldcs study --full --jobs 8 -o out/full
+  ldcs study --full --scheduler tcp://cluster:8786 -o out/full"""
+
+EXIT_NOT_KEPT = 1
+MOST_JOBS = 256
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the verb's arguments."""
+    preset = parser.add_mutually_exclusive_group()
+    preset.add_argument(
+        "--quick", dest="preset", action="store_const", const="quick", help="under two minutes (default)"
+    )
+    preset.add_argument(
+        "--full", dest="preset", action="store_const", const="full", help="everything: an hour or more"
+    )
+    parser.set_defaults(preset="quick")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        type=Path,
+        default=Path("out/study"),
+        help="folder; out/study if not given",
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--jobs", metavar="N", type=_jobs, default=1, help="processes; with more than one, times are noisier"
+    )
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on a Dask cluster: its scheduler's address, or 'local' to make one here (needs ldcs_ros[cluster])",
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="measure everything anew, also what is in study.csv"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, write the files, print the recommendation; status 0, or 1 if the promised accuracy is not "
+    "kept."""
+    from ldcs_ros.study.diagram import draw
+    from ldcs_ros.study.execute import carry_out
+    from ldcs_ros.study.plan import PRESETS
+    from ldcs_ros.study.recommendation import recommendation
+    from ldcs_ros.study.report import promise_is_kept, report
+    from ldcs_ros.study.table import Table
+    from ldcs_ros.study.tasks import key_of
+    from ldcs_ros.study.timing import machine
+
+    folder, here = arguments.output, machine()
+    path = folder / "study.csv"
+    if arguments.again:
+        path.unlink(missing_ok=True)
+    _remember_machine(folder / "machine.json", here, begun=path.exists())
+    table, tasks = Table(path), PRESETS[arguments.preset]()
+    had = {key_of(row) for row in table.rows}
+    with (
+        Progress(len(tasks), label="study", unit="", quiet=arguments.json) as progress,
+        _place(arguments) as submit,
+    ):
+        carry_out(tasks, table, submit, on_done=progress.show)
+    draw(table.rows, folder / "work_precision.png")
+    command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
+    text = report(table.rows, machine=here, command=command, picture="work_precision.png")
+    (folder / "study.md").write_text(text, encoding="utf-8")
+    failures = [row for row in table.rows if row.failure]
+    kept = promise_is_kept(table.rows)
+    summary: dict[str, Any] = {
+        "preset": arguments.preset,
+        "rows": len(table.rows),
+        "rows_from_before": len(had),
+        "without_result": len(failures),
+        "accuracy_kept": kept,
+        "recommendation": recommendation(table.rows),
+        "machine": here,
+        "table": str(path),
+        "diagram": str(folder / "work_precision.png"),
+        "report": str(folder / "study.md"),
+    }
+    if arguments.json:
+        print_json(summary)
+    else:
+        before = f", {len(had)} measured before" if had else ""
+        print_pairs(
+            [
+                ("rows", f"{len(table.rows)}{before}; {len(failures)} without a result, told in the report"),
+                ("asked accuracy", "kept on every shipped scene" if kept else "NOT kept, see the report"),
+                ("written", f"{summary['report']}, {summary['diagram']}, {summary['table']}"),
+            ]
+        )
+        print(f"\n{summary['recommendation']}")
+    return 0 if kept else EXIT_NOT_KEPT
+
+
+def _place(arguments: argparse.Namespace) -> AbstractContextManager[Any]:
+    from ldcs_ros.study import execute
+
+    if arguments.scheduler is not None:
+        return execute.cluster(arguments.scheduler)
+    if arguments.jobs > 1:
+        return execute.processes(arguments.jobs)
+    return nullcontext(execute.in_this_process)
+
+
+def _remember_machine(path: Path, here: dict[str, str], *, begun: bool) -> None:
+    """Write what machine a study is from, or refuse to mix rows of two."""
+    if begun and path.exists():
+        there = json.loads(path.read_text(encoding="utf-8"))
+        different = sorted(name for name in {*here, *there} if here.get(name) != there.get(name))
+        if different:
+            name = different[0]
+            raise CommandLineError(
+                f"{path.parent} holds a study with {name} '{there.get(name)}', here it is '{here.get(name)}': "
+                f"times of two "
+                f"machines or versions do not compare; choose another --output, or --again to measure anew"
+            )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(here, indent=2) + "\n", encoding="utf-8")
+
+
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_JOBS:
+        raise argparse.ArgumentTypeError(f"jobs is '{text}', expected a whole number of 1 ... {MOST_JOBS}")
+    return int(text)

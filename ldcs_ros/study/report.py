@@ -1,0 +1,235 @@
+"""The study in words: tables in Markdown and a recommendation, all taken from the rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from ldcs_ros.integrators import INTEGRATORS
+from ldcs_ros.study.diagram import short_reason
+from ldcs_ros.study.promise import ACCURACIES
+from ldcs_ros.study.recommendation import RIVALS, TARGETS, cheapest, curves, gain, recommendation
+from ldcs_ros.study.spatial import against_finest
+from ldcs_ros.study.tasks import METHODS_APART, Row
+
+# What this project set out to reach: (scene, nodes, error [m]) -> times real time.
+GOALS = {
+    ("arc", 9, 1e-5): 100.0,
+    ("paper", 9, 1e-5): 60.0,
+    ("arc", 9, 1e-6): 50.0,
+    ("arc", 33, 2e-5): 8.0,
+    ("arc", 65, 2e-5): 1.0,
+}
+PROMISED_SHARE, PROMISED_FACTOR = 0.95, 3.0
+
+
+def _goals(rows: Sequence[Row]) -> str:
+    lines = []
+    for (scene, nodes, target), goal in GOALS.items():
+        methods = curves(rows).get((scene, nodes), {})
+        own = [row for name, made in methods.items() if name not in METHODS_APART for row in made]
+        row = cheapest(own, target)
+        if row is None:
+            continue
+        ratios = [gain(methods.get(name, []), row, target) for name in RIVALS]
+        reached = 1.0 / row.cpu
+        lines.append(
+            (
+                f"`{scene}` {nodes} x {nodes}",
+                f"{target:.0e} m",
+                f"`{row.method}`",
+                f"{reached:.3g}",
+                f"{goal:g}, "
+                f"{'reached' if reached >= goal else f'**missed by {100 * (1 - reached / goal):.0f} %**'}",
+                *("-" if ratio is None else f"{ratio:.1f}" for ratio in ratios),
+            )
+        )
+    head = ("problem", "real error at most", "cheapest method", "times real time", "goal")
+    return _table((*head, *(f"times as fast as {label}" for label in RIVALS.values())), lines)
+
+
+def report(rows: Sequence[Row], *, machine: dict[str, str], command: str, picture: str) -> str:
+    """Return the whole study as Markdown.
+
+    Args:
+        rows: The study's rows.
+        machine: Hardware and versions.
+        command: What made it.
+        picture: Path of the diagram, relative to the text.
+    """
+    sections = [
+        "# What accuracy costs in time",
+        f"Made by `{command}`, with everything in one process on one thread side by side unless it says "
+        f"`--jobs`; the numbers "
+        f"are in `study.csv`. CPU time is the best of several runs, so ratios mean more than times. The error "
+        f"is the largest "
+        f"distance of any node coordinate from a reference (`esdirk43` at 1e-9 m) at t = 0.5, 1, 2 and 3 s.",
+        _table(("", ""), [(name, value) for name, value in machine.items()]),
+        "## Recommendation",
+        recommendation(rows),
+        f"![CPU time against error for each method, scene and lattice]({picture})",
+        "## Goals",
+        _goals(rows),
+        "## Time to reach an error",
+        "CPU milliseconds per simulated second of the cheapest setting whose real error is at most this; "
+        "`-`: none tried is.",
+        *_cost_tables(rows),
+        "## Methods",
+        _methods(),
+        "## Asked and real accuracy",
+        *_promise(rows),
+        "## What effects cost",
+        *_effects(rows),
+        "## The lattice's own error",
+        *_spatial(rows),
+        "## Without a result",
+        *_failures(rows),
+    ]
+    return "\n\n".join(part for part in sections if part) + "\n"
+
+
+def promise_is_kept(rows: Sequence[Row]) -> bool:
+    """Return whether the promised share of (scene, accuracy) pairs is within what was asked, and none far "
+    "off."""
+    factors = [row.error / row.value for row in rows if row.kind == "promise" and not row.failure]
+    lost = any(row.kind == "promise" and row.failure for row in rows)
+    share = sum(factor <= 1.0 for factor in factors) / len(factors) if factors else 1.0
+    return not lost and share >= PROMISED_SHARE and max(factors, default=0.0) <= PROMISED_FACTOR
+
+
+def _cost_tables(rows: Sequence[Row]) -> list[str]:
+    tables = []
+    for (scene, nodes), methods in sorted(curves(rows).items()):
+        lines = []
+        names = [*INTEGRATORS, *METHODS_APART]
+        for name in sorted(methods, key=names.index):
+            best = [cheapest(methods[name], target) for target in TARGETS]
+            lines.append((f"`{name}`", *("-" if row is None else f"{1e3 * row.cpu:.3g}" for row in best)))
+        tables.append(f"**{scene}, {nodes} x {nodes}**")
+        tables.append(_table(("method", *(f"{target:.0e} m" for target in TARGETS)), lines))
+    return tables
+
+
+def _methods() -> str:
+    import inspect
+
+    from ldcs_ros.errors import SolverError
+    from ldcs_ros.integrators import integrator_class
+    from ldcs_ros.study.problems import scene_of
+
+    lines = []
+    for name in INTEGRATORS:
+        kind = integrator_class(name)
+        scene = scene_of("arc_axiswise" if name == "exponential" else "arc", 9)
+        simulation = scene.build()
+        try:
+            limit = kind(simulation.model).stability_limit(simulation._motion(), simulation.inputs.held())
+        except SolverError:
+            limit = math.nan
+        module = inspect.getmodule(kind)
+        first = (inspect.getdoc(module) or "").splitlines()[0]
+        lines.append((f"`{name}`", str(kind.order), "none" if math.isinf(limit) else f"{limit:.3g} s", first))
+    return _table(("method", "order", "longest stable step, `arc` 9 x 9", "what it is"), lines)
+
+
+def _promise(rows: Sequence[Row]) -> list[str]:
+    made = [row for row in rows if row.kind == "promise" and not row.failure]
+    if not made:
+        return ["Not measured."]
+    factors = [row.error / row.value for row in made]
+    within = sum(factor <= 1.0 for factor in factors) / len(factors)
+    worst = max(zip(factors, made, strict=True), key=lambda pair: pair[0])
+    lines = []
+    for scene in sorted({row.scene for row in made}):
+        by = {row.value: row.error for row in made if row.scene == scene}
+        lines.append((f"`{scene}`", *(f"{by[a] / a:.2f}" if a in by else "-" for a in ACCURACIES)))
+    kept = promise_is_kept(rows)
+    text = (
+        f"Real error, compared 50 times a simulated second, as a share of what `accuracy` asked for. "
+        f"{100 * within:.0f} % of "
+        f"{len(made)} pairs are within it; the worst is {worst[0]:.2f} times it (`{worst[1].scene}` at "
+        f"{worst[1].value:.0e} m). "
+        f"Promised are {100 * PROMISED_SHARE:.0f} % and {PROMISED_FACTOR:g} times: "
+        f"{'kept' if kept else '**not kept**'}."
+    )
+    return [text, _table(("scene", *(f"{a:.0e} m" for a in ACCURACIES)), lines)]
+
+
+def _effects(rows: Sequence[Row]) -> list[str]:
+    made = [row for row in rows if row.kind == "effect" and not row.failure]
+    parts: list[str] = []
+    for scene in sorted({row.scene for row in made}):
+        of_scene = {row.setting: row.extra.split() for row in made if row.scene == scene}
+        if "none" not in of_scene:
+            continue
+        whole = of_scene.pop("none")
+        lines = [
+            (
+                f"`{name}`",
+                *(
+                    f"{float(whole[k]) - float(extra[k]):.{digits}f}"
+                    for k, digits in ((1, 2), (3, 1), (5, 0))
+                ),
+            )
+            for name, extra in of_scene.items()
+        ]
+        lines.append(("all of them", *(whole[k] for k in (1, 3, 5))))
+        parts.append(
+            f"**{scene}** with drag, floor and a point force added: how many microseconds less a force "
+            f"evaluation, a Jacobian "
+            f"and a whole step of `esdirk43` take when one effect is left out of the scene. A scene's model "
+            f"holds only what "
+            f"the scene names, so an effect that is absent costs nothing; leaving one out also changes the "
+            f"motion, and "
+            f"with it the iterations of a step, so the last column can be negative."
+        )
+        parts.append(_table(("effect", "force [us]", "Jacobian [us]", "step [us]"), lines))
+    return parts or ["Not measured."]
+
+
+def _spatial(rows: Sequence[Row]) -> list[str]:
+    errors = against_finest([*rows])
+    if not errors:
+        return ["Not measured."]
+    costs = {row.nodes: row.cpu for row in rows if row.kind == "spatial" and not row.failure}
+    text = (
+        f"Scene `arc_material`, whose springs are scaled from a modulus: P0 and P1 at the four times against "
+        f"those of "
+        f"{max(costs)} x {max(costs)} nodes, at an error in time of 1e-6 m. A finer accuracy in time than a "
+        f"tenth of this is "
+        f"wasted on the lattice."
+    )
+    lines = [
+        (f"{n} x {n}", f"{1e3 * errors[n]:.3f}" if n in errors else "finest", f"{1e3 * costs[n]:.3g}")
+        for n in sorted(costs)
+    ]
+    return [text, _table(("nodes", "lattice's error [mm]", "CPU ms per simulated second"), lines)]
+
+
+def _failures(rows: Sequence[Row]) -> list[str]:
+    checks = [row for row in rows if row.kind == "check" and not row.failure]
+    parts = [
+        f"The reference itself was checked against SciPy's Radau (`{row.scene}`, {row.nodes} x {row.nodes}, "
+        f"tolerance for "
+        f"{row.value:.0e} m): they differ by {row.error:.1e} m."
+        for row in checks
+    ]
+    lines = [
+        (
+            f"`{row.scene}` {row.nodes} x {row.nodes}",
+            f"`{row.method}`",
+            f"{row.setting} {row.value:g}",
+            short_reason(row.failure),
+        )
+        for row in rows
+        if row.failure
+    ]
+    return [
+        *parts,
+        _table(("problem", "method", "setting", "why"), lines) if lines else "Everything had a result.",
+    ]
+
+
+def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    text = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    return "\n".join([*text, *(f"| {' | '.join(line)} |" for line in lines)])

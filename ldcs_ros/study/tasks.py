@@ -1,0 +1,202 @@
+"""One measurement: what it is asked, and the rows of the table that it gives; runs in any process."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import LdcsError
+from ldcs_ros.study.problems import ERROR_TIMES, positions, scene_of
+from ldcs_ros.study.timing import best_of
+
+REFERENCE_ACCURACY = 1e-9  # m
+# A run whose first PROBE seconds foretell more than the budget is not made.
+PROBE = 0.005  # s of simulation time
+BASELINE, SCIPY = "compiled_rkc2", ("scipy_BDF", "scipy_Radau")
+METHODS_APART = (BASELINE, *SCIPY)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the CSV.
+
+    Attributes:
+        kind: 'curve' (a point of a work-precision diagram), 'promise' (asked against real accuracy), 'effect' (cost of
+            an effect), 'spatial' (error of the lattice itself), 'check' (the reference against another solver).
+        scene: Problem by name.
+        nodes: Nodes along a side.
+        method: Integrator, or a solver that is not ours.
+        setting: 'accuracy' or 'dt'; for an effect, which one was left out.
+        value: The setting's value [m or s].
+        error: Largest node position error at the comparison times [m].
+        cpu: CPU seconds per simulated second, one thread.
+        steps: Accepted steps.
+        rejected: Rejected steps.
+        evaluations: Force evaluations.
+        factorisations: Matrices factored.
+        extra: What a kind has beside these, as text.
+        failure: Why there is no error, '' if there is one.
+    """
+
+    kind: str
+    scene: str
+    nodes: int
+    method: str
+    setting: str
+    value: float
+    error: float = float("nan")
+    cpu: float = float("nan")
+    steps: int = 0
+    rejected: int = 0
+    evaluations: int = 0
+    factorisations: int = 0
+    extra: str = ""
+    failure: str = ""
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to measure; see Row for the names.
+
+    Attributes:
+        runs: How often to run at most; the best CPU time counts.
+        budget: CPU seconds that one run may take by its first steps' pace [s].
+    """
+
+    kind: str
+    scene: str
+    nodes: int
+    method: str
+    setting: str
+    value: float
+    runs: int = 3
+    budget: float = 30.0
+
+    @property
+    def key(self) -> tuple[str, str, int, str, str, str]:
+        """What makes it the same measurement as another."""
+        return self.kind, self.scene, self.nodes, self.method, self.setting, f"{self.value:.6g}"
+
+    @property
+    def problem(self) -> tuple[str, int] | None:
+        """Which reference solution it needs, if any."""
+        return (self.scene, self.nodes) if self.kind in ("curve", "check") else None
+
+
+def key_of(row: Row) -> tuple[str, str, int, str, str, str]:
+    """Return the key of the task that a row came from."""
+    return row.kind, row.scene, row.nodes, row.method, row.setting, f"{row.value:.6g}"
+
+
+def reference(scene: str, nodes: int) -> np.ndarray:
+    """Return the reference positions of a problem at ERROR_TIMES [m]."""
+    return positions(
+        scene_of(scene, nodes, integrator="esdirk43", accuracy=REFERENCE_ACCURACY).build(), ERROR_TIMES
+    )
+
+
+def perform(task: Task, known: np.ndarray | None = None) -> list[Row]:
+    """Carry a task out and return its rows; a failure becomes a row that says why.
+
+    Args:
+        task: What to measure.
+        known: Reference positions for a task with a problem [m], shape (n_times, n_nodes, 3).
+    """
+    try:
+        if task.kind in ("curve", "check"):
+            return [_curve(task, known)]
+        if task.kind == "promise":
+            from ldcs_ros.study.promise import promises
+
+            return promises(task)
+        if task.kind == "effect":
+            from ldcs_ros.study.effect_costs import effect_costs
+
+            return effect_costs(task)
+        from ldcs_ros.study.spatial import spatial_errors
+
+        return spatial_errors(task)
+    except (LdcsError, RuntimeError, MemoryError) as error:
+        return [_row(task, failure=" ".join(str(error).split()) or type(error).__name__)]
+
+
+def _row(task: Task, **values: Any) -> Row:
+    named = {name: value for name, value in asdict(task).items() if name in COLUMNS}
+    return Row(**{**named, **values})
+
+
+def _curve(task: Task, known: np.ndarray | None) -> Row:
+    span = ERROR_TIMES[-1]
+    if task.method == BASELINE:
+        return _baseline(task, known)
+    if task.method in SCIPY:
+        kind = task.method.removeprefix("scipy_")
+        simulation = scene_of(task.scene, task.nodes).build()
+        from ldcs_ros.study.scipy_solvers import solve
+
+        solve(simulation, kind, task.value, times=(0.002,))
+        cpu, (course, counts) = best_of(task.runs, lambda: solve(simulation, kind, task.value, ERROR_TIMES))
+        return _row(task, error=_error(course, known), cpu=cpu / span, **counts)
+    scene = scene_of(task.scene, task.nodes, integrator=task.method, **{task.setting: task.value})
+    foretold = _foretell(scene) * span
+    if foretold > task.budget:
+        return _row(
+            task,
+            cpu=foretold / span,
+            failure=f"too slow: {foretold / span:.2g} CPU s per simulated second by its first steps",
+        )
+
+    def run() -> tuple[np.ndarray, Any]:
+        simulation = scene.build()
+        return positions(simulation, ERROR_TIMES), simulation.statistics
+
+    cpu, (course, counts) = best_of(task.runs, run)
+    return _row(
+        task,
+        error=_error(course, known),
+        cpu=cpu / span,
+        steps=counts.steps,
+        rejected=counts.rejected_steps,
+        evaluations=counts.evaluations,
+        factorisations=counts.factorisations,
+    )
+
+
+def _baseline(task: Task, known: np.ndarray | None) -> Row:
+    from ldcs_ros.integrators.spectrum import fastest_mode
+    from ldcs_ros.study.baseline import ArcBaseline
+
+    simulation = scene_of("arc", task.nodes).build()
+    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    solver = ArcBaseline(task.nodes, task.value, mode.spectral_radius)
+    solver.run(ERROR_TIMES[:1])
+    cpu, course = best_of(task.runs, lambda: solver.run(ERROR_TIMES))
+    steps = round(ERROR_TIMES[-1] / solver.h)
+    span = ERROR_TIMES[-1]
+    return _row(
+        task, error=_error(course, known), cpu=cpu / span, steps=steps, evaluations=steps * solver.stages
+    )
+
+
+def _foretell(scene: Any) -> float:
+    """Return CPU seconds per simulated second of fixed or limited steps, from the first of them; 0 if steps "
+    "grow."""
+    simulation = scene.build()
+    simulation.advance_to(1e-4)  # loads and compiles
+    if scene.solver.dt is None and simulation.integrator.name not in ("rk4", "semi_implicit_euler"):
+        return 0.0
+    cpu, _ = best_of(1, lambda: simulation.advance_to(PROBE))
+    return cpu / (PROBE - 1e-4)
+
+
+def _error(course: np.ndarray, known: np.ndarray | None) -> float:
+    error = float("nan") if known is None else float(np.abs(course - known).max())
+    # Also a course that left the sheet's size is a failure, told as one.
+    if not error < 1.0:
+        raise RuntimeError(f"the motion left the sheet: error {error:.3g} m")
+    return error

@@ -1,0 +1,104 @@
+"""`ldcs study` as a user meets it: files, resuming, processes, a cluster, refusals."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+
+import pytest
+from PIL import Image
+
+from ldcs_ros.cli.main import main
+from ldcs_ros.study import execute, plan
+from ldcs_ros.study.tasks import Task
+
+TASKS = [
+    Task("curve", "single_spring", 2, name, "accuracy", value, 1)
+    for name in ("esdirk43", "trbdf2")
+    for value in (1e-4, 1e-5)
+] + [Task("curve", "single_spring", 2, "rkc2", "dt", 0.5)]
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setitem(plan.PRESETS, "quick", lambda: list(TASKS))
+
+
+def study(capsys, folder, *words):
+    status = main(["study", "-o", str(folder), "--json", *words])
+    printed = capsys.readouterr()
+    return status, json.loads(printed.out) if printed.out else None, printed.err
+
+
+def test_a_study_leaves_table_picture_and_report(capsys, tmp_path):
+    status, summary, _ = study(capsys, tmp_path)
+    assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
+    assert "Use `" in summary["recommendation"]
+    rows = list(csv.DictReader((tmp_path / "study.csv").open()))
+    assert float(rows[0]["error"]) < 1e-4 and "stability limit" in rows[-1]["failure"]
+    assert "above its stability limit" in (tmp_path / "study.md").read_text()
+    with Image.open(tmp_path / "work_precision.png") as image:
+        assert image.width > 800
+
+
+def test_an_interrupted_study_goes_on_where_it_stopped(capsys, tmp_path, monkeypatch):
+    made = []
+
+    def perform(task, known=None):
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(task)
+        return real(task, known)
+
+    real = execute.perform
+    monkeypatch.setattr(execute, "perform", perform)
+    assert main(["study", "-o", str(tmp_path)]) == 130
+    monkeypatch.setattr(execute, "perform", real)
+    with (tmp_path / "study.csv").open("a") as file:
+        file.write("curve,single_spring,2,trb")  # a power cut in the middle of a line
+    _, summary, _ = study(capsys, tmp_path)
+    assert (summary["rows"], summary["rows_from_before"]) == (5, 2)
+    _, again, _ = study(capsys, tmp_path)
+    assert again["rows_from_before"] == 5
+
+
+def test_rows_of_another_machine_are_not_mixed_in(capsys, tmp_path):
+    study(capsys, tmp_path)
+    there = json.loads((tmp_path / "machine.json").read_text())
+    (tmp_path / "machine.json").write_text(json.dumps({**there, "processor": "abacus"}))
+    status, _, error = study(capsys, tmp_path)
+    assert status == 2 and "processor 'abacus'" in error and "--again" in error
+    status, summary, _ = study(capsys, tmp_path, "--again")
+    assert status == 0 and summary["rows_from_before"] == 0
+
+
+def test_a_table_that_is_none_is_refused(capsys, tmp_path):
+    (tmp_path / "study.csv").write_text("a,b\n1,2\n")
+    status, _, error = study(capsys, tmp_path)
+    assert status == 2 and "no table of this study" in error
+
+
+@pytest.mark.parametrize("words", [("--jobs", "0"), ("--jobs", "two"), ("--quick", "--full")])
+def test_a_wrong_command_line_is_one_line(capsys, tmp_path, words):
+    status, _, error = study(capsys, tmp_path, *words)
+    assert status == 2 and error.startswith("ldcs: error: ") and error.count("\n") == 1
+
+
+@pytest.mark.skipif(importlib.util.find_spec("distributed") is not None, reason="dask.distributed is here")
+def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path):
+    status, _, error = study(capsys, tmp_path, "--scheduler", "local")
+    assert status == 2 and "ldcs_ros[cluster]" in error
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="dask.distributed is an optional extra"
+)
+def test_a_local_dask_cluster_gives_the_same_rows(capsys, tmp_path):
+    status, summary, _ = study(capsys, tmp_path, "--scheduler", "local")
+    assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
+
+
+def test_processes_give_the_same_rows(capsys, tmp_path):
+    status, summary, _ = study(capsys, tmp_path, "--jobs", "2")
+    assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
