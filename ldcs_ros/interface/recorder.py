@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros import recording
+from ldcs_ros import __version__, recording
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.scene.complete import complete_text
@@ -106,19 +106,12 @@ def run_description(twin: Twin) -> dict[str, str]:
         "publish_clock": str(twin.publish_clock).lower(),
         "publish_tf": str(twin.publish_tf).lower(),
         "settled": str(twin.settled).lower(),
-        "ldcs_ros": _version(),
+        "ldcs_ros": __version__,
         "python": platform.python_version(),
         **{library: metadata.version(library) for library in ("numpy", "scipy", "numba")},
         # What can change a result; the kernel cannot.
         "platform": "-".join([platform.system(), platform.machine(), *platform.libc_ver()]),
     }
-
-
-def _version() -> str:
-    try:
-        return metadata.version("ldcs_ros")
-    except metadata.PackageNotFoundError:
-        return "not installed"
 
 
 def _info(topic: Topic) -> Any:
