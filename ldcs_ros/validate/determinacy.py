@@ -138,11 +138,11 @@ def _structures() -> tuple[Structure, ...]:
     stiffness, torque, height = PARAMETERS
     sensor = next(p for p in OPEN if p.path == SENSOR_HEIGHT)
     flat = {height.path: 0.0}
-    # With a backbone in the middle nothing bounds the torque but what the arm's stiffness asks for.
+    # The bound of the torque is that of the shipped structure; others may ask for more.
     free = (stiffness, replace(torque, high=0.5))
     return (
         Structure("as shipped", {}),
-        Structure("arms on the border lines only", {width: 0}),
+        Structure("arms on the border lines only", {width: 0}, (*free, height)),
         Structure("arms one cell wide", {width: 1}),
         Structure("arms three cells wide", {width: 3}),
         Structure("k = 80 N/m as printed", {"effects.springs.stiffness": 80.0}),
