@@ -27,6 +27,9 @@ sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME N
 test: lint  ## check the style, then run the whole test suite: PYTEST='-k word'
 	@source tools/environment.sh && ROS_PYTHON_CHECK_FIELDS=1 exec $(BIN)/python -m pytest $(PYTEST)
 
+bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
+	@$(BIN)/python -m pytest -q -s bench
+
 lint: setup  ## check the style
 	@$(BIN)/ruff check --quiet .
 
@@ -62,4 +65,4 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || true
 
-.PHONY: help setup sim test lint types msgs colcon bags lock clean
+.PHONY: help setup sim test bench lint types msgs colcon bags lock clean

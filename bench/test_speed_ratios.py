@@ -1,0 +1,88 @@
+"""Speed as ratios to one compiled loop, taken in turns in one process: `make bench` fails where something became slower.
+
+The loop is the fixed-step RKC2 baseline of `ldcs_ros/study/baseline.py` on the same lattice; it contains nothing of
+the package's own solvers, so a faster machine or a busy one changes both sides alike. Each limit is about 1.5 times
+what was measured when it was written down; lower it when something becomes faster.
+"""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from ldcs_ros.integrators.spectrum import fastest_mode
+from ldcs_ros.study.baseline import ArcBaseline
+from ldcs_ros.study.problems import scene_of
+from ldcs_ros.threads import one_thread
+
+ROUNDS = 7
+SPAN = (1.0,)  # s of simulation time
+STEP = 0.02  # s, of the baseline: an error of micrometres
+
+# What -> (limit of its CPU time in baselines, scene, nodes, solver).
+RUNS = {
+    "arc at 1e-5 m": (0.95, "arc", 9, {"accuracy": 1e-5}),
+    "arc at 1e-7 m": (2.5, "arc", 9, {"accuracy": 1e-7}),
+    "paper at 1e-5 m": (2.9, "paper", 9, {"accuracy": 1e-5}),
+    "rig at 1e-5 m": (4.7, "rig", 9, {"accuracy": 1e-5}),
+    "arc 17 x 17 at 1e-5 m": (0.66, "arc", 17, {"accuracy": 1e-5}),
+    "arc 33 x 33 at 2e-5 m": (0.52, "arc", 33, {"accuracy": 2e-5}),
+    "arc with rkc2 at 1e-5 m": (4.5, "arc", 9, {"integrator": "rkc2", "accuracy": 1e-5}),
+    "arc with trbdf2 at 1e-4 m": (0.75, "arc", 9, {"integrator": "trbdf2", "accuracy": 1e-4}),
+}
+
+
+def _in_turns(*works):
+    """Return the least CPU time of each piece of work [s], calling them one after the other again and again."""
+    best = [float("inf")] * len(works)
+    with one_thread():
+        for _ in range(ROUNDS):
+            for index, work in enumerate(works):
+                began = time.thread_time()
+                work()
+                best[index] = min(best[index], time.thread_time() - began)
+    return best
+
+
+def _baseline(nodes):
+    simulation = scene_of("arc", nodes).build()
+    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    solver = ArcBaseline(nodes, STEP, mode.spectral_radius)
+    solver.run((0.5,))  # compiles
+    return solver
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("what", RUNS)
+def test_a_second_of_simulation_costs_no_more_baselines_than_it_did(what):
+    limit, scene, nodes, solver = RUNS[what]
+    simulation = scene_of(scene, nodes, **solver).build()
+    simulation.advance_to(0.01)  # loads compiled kernels
+    baseline = _baseline(nodes)
+
+    def ours():
+        simulation.reset()
+        simulation.advance_to(SPAN[-1])
+
+    taken, reference = _in_turns(ours, lambda: baseline.run(SPAN))
+    ratio = taken / reference
+    print(f"\n{what}: {ratio:.2f} baselines (limit {limit:g}), {SPAN[-1] / taken:.0f} times real time")
+    assert ratio < limit
+
+
+@pytest.mark.timeout(300)
+def test_a_force_evaluation_costs_no_more_than_a_few_of_the_stencils():
+    simulation = scene_of("arc", 9).build()
+    simulation.advance_to(0.1)
+    model, motion, held = simulation.model, simulation._motion(), simulation.inputs.held()
+    baseline = _baseline(9)
+    count = round(SPAN[-1] / STEP) * baseline.stages
+
+    def ours():
+        for _ in range(count):
+            model.force(motion.time, motion.q, motion.u, held)
+
+    taken, reference = _in_turns(ours, lambda: baseline.run(SPAN))
+    print(f"\nforce evaluation: {taken / reference:.2f} stencil evaluations")
+    assert taken / reference < 1.4
