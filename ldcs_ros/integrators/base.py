@@ -144,6 +144,11 @@ class Integrator:
         """Return the largest displacement [m] in free coordinates; an angle counts as its arm's tip."""
         return float(np.max(np.abs(q) * self._reach, initial=0.0))
 
+    def fastest(self, motion: Motion) -> str:
+        """Return the name of the node or link that accelerates most, or whose acceleration is not finite."""
+        push = np.nan_to_num(np.abs(motion.a) * self._reach, nan=np.inf, posinf=np.inf)
+        return self.model.coordinate_name(int(self.model.free[np.argmax(push)]))
+
     def stability_limit(self, motion: Motion, inputs: HeldInputs) -> float:
         """Return the largest stable step [s] near a motion."""
         return float("inf")

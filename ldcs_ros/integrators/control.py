@@ -96,15 +96,11 @@ class AdaptiveSteps:
             h, clipped = _fit(motion.time, h, stop)
             tolerance = LOCAL_SHARE * self.accuracy * min(1.0, forgetting * h)
             try:
-                step = self.integrator.step(motion, inputs, h, tolerance)
+                step = _finite_step(self.integrator, motion, inputs, h, tolerance)
             except StepFailure as failure:
                 self.integrator.counters.rejected_steps += 1
                 if h * failure.remedy < SMALLEST_STEP:
-                    raise DivergenceError(
-                        f"the simulation stopped at t = {motion.time:.9g} s: no step above {SMALLEST_STEP:g} s "
-                        f"can be taken with {self.integrator.name}: {failure}; "
-                        f"check the scene's stiffness, masses and loads"
-                    ) from failure
+                    raise self._stop(motion, str(failure)) from failure
                 ceiling = CEILING_SHARE * h
                 h, rejected = h * failure.remedy, True
                 continue
@@ -115,6 +111,8 @@ class AdaptiveSteps:
             self.integrator.counters.rejected_steps += 1
             self.integrator.counters.steps -= 1
             h, rejected = h * max(0.1, SAFETY * ratio**-self._power), True
+            if h < SMALLEST_STEP:
+                raise self._stop(motion, f"the estimated error stays {ratio:.2g} times what a step may make")
         grown = h * min(MOST_GROWTH, SAFETY * ratio**-self._power)
         if rejected:
             grown = min(grown, h)
@@ -126,6 +124,13 @@ class AdaptiveSteps:
         error = pace.error * math.exp(-forgetting * h) + step.error
         pace = Pace(min(grown, ceiling, LARGEST_STEP), ceiling * CEILING_GROWTH, error, inside)
         return _landed(step, stop) if clipped else step, pace
+
+    def _stop(self, motion: Motion, reason: str) -> DivergenceError:
+        return DivergenceError(
+            f"the simulation stopped at t = {motion.time:.9g} s: no step above {SMALLEST_STEP:g} s can be taken with "
+            f"{self.integrator.name}: {reason}; {self.integrator.fastest(motion)} accelerates most; check the "
+            f"stiffness, masses and loads there, or ask for less accuracy than {self.accuracy:g} m"
+        )
 
 
 class FixedSteps:
@@ -154,14 +159,15 @@ class FixedSteps:
         h = whole
         for halvings in range(HALVINGS + 1):
             try:
-                step = self.integrator.step(motion, inputs, h, FIXED_STEP_TOLERANCE)
+                step = _finite_step(self.integrator, motion, inputs, h, FIXED_STEP_TOLERANCE)
                 break
             except StepFailure as failure:
                 self.integrator.counters.rejected_steps += 1
                 if halvings == HALVINGS:
                     raise DivergenceError(
                         f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {self.h:g} s of "
-                        f"{self.integrator.name} failed: {failure}; reduce dt or use 'integrator: auto'"
+                        f"{self.integrator.name} failed: {failure}; {self.integrator.fastest(motion)} accelerates "
+                        f"most; reduce dt or use 'integrator: auto'"
                     ) from failure
                 h *= 0.5
         if h < whole:
@@ -172,6 +178,21 @@ class FixedSteps:
         # Times on the grid of whole steps are exact multiples: a thousand additions do not drift.
         tick = round(time / self.h) * self.h
         return tick if abs(time - tick) <= 1e-6 * self.h else time
+
+
+def _finite_step(
+    integrator: Integrator, motion: Motion, inputs: HeldInputs, h: float, tolerance: float
+) -> Step:
+    # Whatever a method does inside, nothing that is not finite gets past here.
+    try:
+        step = integrator.step(motion, inputs, h, tolerance)
+    except np.linalg.LinAlgError as error:
+        raise StepFailure(str(error)) from error
+    right = step.right
+    if not all(np.isfinite(values).all() for values in (right.q, right.u, right.a, step.error)):
+        integrator.counters.steps -= 1
+        raise StepFailure("the step left the finite numbers")
+    return step
 
 
 def _fit(time: float, h: float, stop: float) -> tuple[float, bool]:

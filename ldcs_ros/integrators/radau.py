@@ -36,17 +36,21 @@ class Radau(Integrator):
         allowed = max(TOLERANCE_SHARE * tolerance, LEAST_TOLERANCE)
         n = len(self.model.free)
         absolute = np.concatenate([allowed / self._reach, allowed / (RATE_TIME * self._reach)])
-        solution = solve_ivp(
-            system.slope,
-            (motion.time, end),
-            system.start,
-            method="Radau",
-            jac=system.jacobian,
-            rtol=1e-13,
-            atol=absolute,
-            # SciPy starts timidly; what is too long it rejects by itself.
-            first_step=0.1 * (end - motion.time),
-        )
+        try:
+            solution = solve_ivp(
+                system.slope,
+                (motion.time, end),
+                system.start,
+                method="Radau",
+                jac=system.jacobian,
+                rtol=1e-13,
+                atol=absolute,
+                # SciPy starts timidly; what is too long it rejects by itself.
+                first_step=0.1 * (end - motion.time),
+            )
+        except (RuntimeError, ValueError) as error:
+            # SuperLU on a matrix that is singular or not finite.
+            raise StepFailure(f"SciPy's Radau: {error}") from error
         self.counters.evaluations += system.evaluations
         self.counters.factorisations += int(solution.nlu)
         if solution.status != 0 or not np.isfinite(solution.y[:, -1]).all():

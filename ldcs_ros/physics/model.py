@@ -11,7 +11,7 @@ import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldInputs
-from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 
@@ -84,6 +84,15 @@ class Model:
         self.mass = np.repeat(self.node_mass, 3)[self.free[: self.n_free_nodes]]
         self.prescribing = tuple(term for term in self.terms if term.fixed().size)
         self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
+
+    def coordinate_name(self, coordinate: int) -> str:
+        """Return what a coordinate belongs to, for messages: 'node_top_8_4' or 'left link 2'."""
+        n = 3 * self.lattice.n_nodes
+        if coordinate >= n:
+            side, link = divmod(coordinate - n, self.n_angles // 2)
+            return f"{('left', 'right')[side]} link {link + 1}"
+        layer, i, j = np.unravel_index(coordinate // 3, (2, *self.lattice.nodes))
+        return f"node_{LAYERS[layer]}_{i}_{j}"
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the coordinates of the flat, unloaded sheet with straight arms, and zero rates."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ldcs_ros.physics.model import Model, Motion
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
-# A step's curve is trusted while its rates differ from the cubic's by this share of the rates at its ends.
+# A step's own curve is trusted while it dissipates as much as the cubic, but for this share.
 SWING = 0.1
 
 
@@ -103,8 +103,10 @@ class EnergyAudit:
     def follow(self, step: Step, end: float, inputs: HeldInputs) -> None:
         """Add one step, up to a time `end` [s] if it goes further."""
         left, right = step.left.time, min(step.right.time, end)
+        if not right > left:
+            return
         half = 0.5 * (right - left)
-        curve = self._curve(step)
+        curve = self._curve(step, inputs)
         for point, weight in zip(_POINTS, _WEIGHTS, strict=True):
             motion = curve(left + half * (1.0 + point))
             now = power(self.model, motion.time, motion.q, motion.u, inputs)
@@ -121,13 +123,13 @@ class EnergyAudit:
         """The largest residual as a share of the energy moved; 0 where nothing moved."""
         return self.worst / self.moved if self.moved > 0.0 else 0.0
 
-    def _curve(self, step: Step) -> Callable[[float], Motion]:
+    def _curve(self, step: Step, inputs: HeldInputs) -> Callable[[float], Motion]:
         # A step's own curve uses the accelerations at its ends. Where they belong to a transient much shorter than
         # the step, its rates swing by more than they are, and powers of stiff dampers with their squares.
         middle = 0.5 * (step.left.time + step.right.time)
         own, plain = step.at(middle, self.model), cubic(step, middle, self.model)
-        swing = self._kinetic(replace(own, u=own.u - plain.u))
-        if swing > SWING**2 * max(self._kinetic(step.left), self._kinetic(step.right)):
+        powers = [power(self.model, middle, motion.q, motion.u, inputs).dissipated for motion in (own, plain)]
+        if abs(powers[0] - powers[1]) > SWING * max(powers):
             return lambda time: cubic(step, time, self.model)
         return lambda time: step.at(time, self.model)
 
