@@ -1,4 +1,4 @@
-"""Speed as ratios to one compiled loop, taken in turns in one process: `make bench` fails where something became slower.
+"""Speed as ratios to one compiled loop, taken in turns in one process: `make bench` fails where something is slower.
 
 The loop is the fixed-step RKC2 baseline of `ldcs_ros/study/baseline.py` on the same lattice; it contains nothing of
 the package's own solvers, so a faster machine or a busy one changes both sides alike. Each limit is about 1.5 times

@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = folder / "study.csv"
     if arguments.again:
         path.unlink(missing_ok=True)
-    _remember_machine(folder / "machine.json", here, begun=path.exists())
+    _remember_machine(folder / "study_machine.json", here, begun=path.exists())
     table, tasks = Table(path), PRESETS[arguments.preset]()
     had = {key_of(row) for row in table.rows}
     with (

@@ -73,7 +73,7 @@ def full() -> list[Task]:
     tasks += _promises()
     tasks += [Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, 3600.0) for scene in ("arc", "paper")]
     tasks += [Task("effect", scene, 9, "esdirk43", "leave out", 0.0) for scene in ("rig", "paper", "arc")]
-    return tasks + _spatial((5, 9, 17, 33, 65))
+    return tasks + _spatial((5, 9, 17, 33, 65, 129))
 
 
 def _sweep(

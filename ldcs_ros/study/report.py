@@ -199,11 +199,19 @@ def _spatial(rows: Sequence[Row]) -> list[str]:
         f"tenth of this is "
         f"wasted on the lattice."
     )
-    lines = [
-        (f"{n} x {n}", f"{1e3 * errors[n]:.3f}" if n in errors else "finest", f"{1e3 * costs[n]:.3g}")
-        for n in sorted(costs)
-    ]
-    return [text, _table(("nodes", "lattice's error [mm]", "CPU ms per simulated second"), lines)]
+    sizes = sorted(costs)
+    lines = []
+    for before, n in zip([0, *sizes], sizes, strict=False):
+        error = f"{1e3 * errors[n]:.3f}" if n in errors else "finest"
+        growth = math.log(costs[n] / costs[before]) / math.log((n / before) ** 2) if before else math.nan
+        lines.append((f"{n} x {n}", error, f"{1e3 * costs[n]:.3g}", f"{growth:.2f}" if before else "-"))
+    head = (
+        "nodes",
+        "lattice's error [mm]",
+        "CPU ms per simulated second",
+        "cost grows as nodes to the power",
+    )
+    return [text, _table(head, lines)]
 
 
 def _failures(rows: Sequence[Row]) -> list[str]:

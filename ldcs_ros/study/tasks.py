@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import LdcsError
+from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.study.problems import ERROR_TIMES, positions, scene_of
 from ldcs_ros.study.timing import best_of
 
@@ -171,6 +172,8 @@ def _baseline(task: Task, known: np.ndarray | None) -> Row:
     from ldcs_ros.integrators.spectrum import fastest_mode
     from ldcs_ros.study.baseline import ArcBaseline
 
+    if not HAVE_NUMBA:
+        raise RuntimeError("the compiled baseline needs numba")
     simulation = scene_of("arc", task.nodes).build()
     mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
     solver = ArcBaseline(task.nodes, task.value, mode.spectral_radius)

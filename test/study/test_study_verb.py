@@ -65,8 +65,8 @@ def test_an_interrupted_study_goes_on_where_it_stopped(capsys, tmp_path, monkeyp
 
 def test_rows_of_another_machine_are_not_mixed_in(capsys, tmp_path):
     study(capsys, tmp_path)
-    there = json.loads((tmp_path / "machine.json").read_text())
-    (tmp_path / "machine.json").write_text(json.dumps({**there, "processor": "abacus"}))
+    there = json.loads((tmp_path / "study_machine.json").read_text())
+    (tmp_path / "study_machine.json").write_text(json.dumps({**there, "processor": "abacus"}))
     status, _, error = study(capsys, tmp_path)
     assert status == 2 and "processor 'abacus'" in error and "--again" in error
     status, summary, _ = study(capsys, tmp_path, "--again")
