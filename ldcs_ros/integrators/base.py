@@ -110,6 +110,9 @@ class Integrator:
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     error_order: ClassVar[int] = 0
+    # An implicit step that fails has an iteration that does not converge: halves of it are an answer. An explicit
+    # one has met its stability limit: to divide it would hide that.
+    implicit: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self._reach = np.ones(len(self.model.free))

@@ -34,7 +34,8 @@ BEND_SHARE = 1.0 / 8.0
 HORIZON = 10.0
 # Steps of a fixed length have no accuracy to iterate to: their stages are solved to this [m].
 FIXED_STEP_TOLERANCE = 1e-8
-HALVINGS = 10
+# A fixed step that fails is taken in parts, down to this share of it.
+LEAST_PART = 2.0**-10
 PATIENCE = 40  # iterations: a fixed step cannot be shortened for being slow
 
 
@@ -157,19 +158,19 @@ class FixedSteps:
         clipped = motion.time + pace.h * (1 + 1e-6) >= stop
         whole = stop - motion.time if clipped else pace.h
         h = whole
-        for halvings in range(HALVINGS + 1):
+        while True:
             try:
                 step = _finite_step(self.integrator, motion, inputs, h, FIXED_STEP_TOLERANCE)
                 break
             except StepFailure as failure:
                 self.integrator.counters.rejected_steps += 1
-                if halvings == HALVINGS:
+                h *= 0.5
+                if h < self.h * LEAST_PART:
                     raise DivergenceError(
                         f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {self.h:g} s of "
                         f"{self.integrator.name} failed: {failure}; {self.integrator.fastest(motion)} accelerates "
                         f"most; reduce dt or use 'integrator: auto'"
                     ) from failure
-                h *= 0.5
         if h < whole:
             return step, Pace(whole - h)
         return _landed(step, stop if clipped else self._tick(step.right.time)), Pace(self.h)

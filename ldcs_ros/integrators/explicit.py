@@ -96,6 +96,7 @@ class Explicit(Watched):
     steps. With a fixed step (`whole_steps`) nothing is divided: a limit that has fallen below it fails the step.
     """
 
+    implicit: ClassVar[bool] = False
     evaluations_per_part: ClassVar[int]
 
     def part(self, course: Course, inputs: HeldInputs, h: float) -> tuple[np.ndarray, np.ndarray]:
