@@ -165,7 +165,7 @@ class FixedSteps:
             except StepFailure as failure:
                 self.integrator.counters.rejected_steps += 1
                 h *= 0.5
-                if h < self.h * LEAST_PART:
+                if h < self.h * LEAST_PART or not self.integrator.implicit:
                     raise DivergenceError(
                         f"the simulation stopped at t = {motion.time:.9g} s: the fixed step dt = {self.h:g} s of "
                         f"{self.integrator.name} failed: {failure}; {self.integrator.fastest(motion)} accelerates "
