@@ -33,6 +33,9 @@ bench: setup  ## watch the speed: ratios to a compiled loop in one run, and wher
 lint: setup  ## check the style
 	@$(BIN)/ruff check --quiet .
 
+hard: setup  ## run all hard cases (half an hour), write docs/hard_cases.md: HARD='--only floor' for a few
+	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
+
 types: setup  ## check the types
 	@$(BIN)/mypy
 
@@ -65,4 +68,4 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || true
 
-.PHONY: help setup sim test bench lint types msgs colcon bags lock clean
+.PHONY: help setup sim test bench lint hard types msgs colcon bags lock clean

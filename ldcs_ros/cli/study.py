@@ -22,7 +22,8 @@ EXAMPLE = """\
 ldcs study
   ldcs study --full -o out/full
   ldcs study --full --jobs 8 -o out/full
-  ldcs study --full --scheduler tcp://cluster:8786 -o out/full"""
+  ldcs study --full --scheduler tcp://cluster:8786 -o out/full
+  ldcs study --hard --only floor"""
 
 EXIT_NOT_KEPT = 1
 MOST_JOBS = 256
@@ -37,7 +38,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     preset.add_argument(
         "--full", dest="preset", action="store_const", const="full", help="everything: an hour or more"
     )
+    preset.add_argument(
+        "--hard",
+        dest="preset",
+        action="store_const",
+        const="hard",
+        help="the hard cases instead: half an hour",
+    )
     parser.set_defaults(preset="quick")
+    parser.add_argument("--only", metavar="WORD", default="", help="with --hard: cases with it in their name")
     parser.add_argument(
         "-o",
         "--output",
@@ -63,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Measure, write the files, print the recommendation; status 0, or 1 if the promised accuracy is not "
     "kept."""
+    from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.diagram import draw
     from ldcs_ros.study.execute import carry_out
     from ldcs_ros.study.plan import PRESETS
@@ -72,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.tasks import key_of
     from ldcs_ros.study.timing import machine
 
+    if arguments.preset == "hard":
+        return run_hard_cases(arguments)
     folder, here = arguments.output, machine()
     path = folder / "study.csv"
     if arguments.again:

@@ -25,7 +25,14 @@ def _wound(degrees: float) -> list[HardCase]:
     )
     return [
         HardCase(f"edges wound through {degrees:g} degrees", driven, 2.0, Reference(), fast=degrees == 360),
-        HardCase(f"arms wound through {degrees:g} degrees", curved, 2.0, Reference()),
+        HardCase(
+            f"arms wound through {degrees:g} degrees",
+            curved,
+            duration=2.0,
+            right=Reference(),
+            reason="an error of 1e-5 m in couplings a hundred times as stiff as the sheet is a hundred times the energy",
+            audit=5e-3,
+        ),
     ]
 
 

@@ -1,0 +1,43 @@
+"""`ldcs study --hard`: runs the catalogue of hard cases, prints a row each, writes hard_cases.md."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+
+from ldcs_ros.cli.arguments import CommandLineError
+from ldcs_ros.cli.output import Progress, print_json
+
+EXIT_WRONG = 1
+
+
+def run_hard_cases(arguments: argparse.Namespace) -> int:
+    """Run the cases; status 0, or 1 if a case is neither right nor stopped with a reason."""
+    from ldcs_ros.study.hard.catalogue import CASES
+    from ldcs_ros.study.hard.command import run_catalogue, write_page
+    from ldcs_ros.study.hard.report import as_text, summary
+    from ldcs_ros.study.hard.runner import Row
+    from ldcs_ros.study.timing import machine
+
+    cases = [case for case in CASES.values() if arguments.only in case.name]
+    if not cases:
+        raise CommandLineError(f"--only is '{arguments.only}', expected a word in the name of a hard case")
+    done = 0
+    with Progress(len(cases), label="hard cases", unit="", quiet=arguments.json) as progress:
+
+        def tell(row: Row) -> None:
+            nonlocal done
+            done += 1
+            progress.show(done)
+            if not arguments.json:
+                print(as_text(row), flush=True)
+
+        rows = run_catalogue(cases, jobs=arguments.jobs, on_row=tell)
+    only = f" --only '{arguments.only}'" if arguments.only else ""
+    path = write_page(rows, arguments.output, machine=machine(), command=f"ldcs study --hard{only}")
+    if arguments.json:
+        measured = [{**asdict(row), "case": row.case.name} for row in rows]
+        print_json({"rows": measured, "summary": summary(rows), "page": str(path)})
+    else:
+        print(f"\n{summary(rows)}\nwritten  {path}")
+    return EXIT_WRONG if any(row.outcome == "wrong" for row in rows) else 0
