@@ -75,7 +75,7 @@ def test_scipys_radau_confirms_the_default_method_with_arms():
     radau = load_scene({**content, "solver": {"integrator": "radau", "accuracy": 1e-6}}).build()
     ours = load_scene("paper").with_accuracy(1e-7).build()
     for twin in (radau, ours):
-        twin.advance_to(0.15)
+        twin.advance_to(0.08)
     np.testing.assert_allclose(radau.state.position, ours.state.position, atol=1e-6)
 
 
@@ -83,10 +83,10 @@ def test_scipys_radau_confirms_the_default_method_with_arms():
 def test_a_run_with_any_method_goes_on_from_a_state_to_the_bit(name):
     content = yaml.safe_load(load_scene("paper").text)
     simulation = load_scene({**content, "solver": {"integrator": name, "accuracy": 1e-4}}).build()
-    simulation.advance_to(0.004)
+    simulation.advance_to(0.002)
     state = simulation.state
-    simulation.advance_to(0.006)
+    simulation.advance_to(0.003)
     there = simulation.state.position.copy()
     simulation.reset(state)
-    simulation.advance_to(0.006)
+    simulation.advance_to(0.003)
     np.testing.assert_array_equal(simulation.state.position, there)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from ldcs_ros.cli.main import main
-from ldcs_ros.study import execute, plan
+from ldcs_ros.study import diagram, execute, plan, report
 from ldcs_ros.study.tasks import Task
 
 TASKS = [
@@ -23,6 +23,13 @@ TASKS = [
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setitem(plan.PRESETS, "quick", lambda: list(TASKS))
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the picture and the table of methods out: one test looks at them."""
+    monkeypatch.setattr(diagram, "draw", lambda rows, path: path)
+    monkeypatch.setattr(report, "_methods", lambda: "")
 
 
 def study(capsys, folder, *words):
@@ -42,7 +49,7 @@ def test_a_study_leaves_table_picture_and_report(capsys, tmp_path):
         assert image.width > 800
 
 
-def test_an_interrupted_study_goes_on_where_it_stopped(capsys, tmp_path, monkeypatch):
+def test_an_interrupted_study_goes_on_where_it_stopped(undrawn, capsys, tmp_path, monkeypatch):
     made = []
 
     def perform(task, known=None):
@@ -63,7 +70,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(capsys, tmp_path, monkeyp
     assert again["rows_from_before"] == 5
 
 
-def test_rows_of_another_machine_are_not_mixed_in(capsys, tmp_path):
+def test_rows_of_another_machine_are_not_mixed_in(undrawn, capsys, tmp_path):
     study(capsys, tmp_path)
     there = json.loads((tmp_path / "study_machine.json").read_text())
     (tmp_path / "study_machine.json").write_text(json.dumps({**there, "processor": "abacus"}))
@@ -94,11 +101,11 @@ def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path):
 @pytest.mark.skipif(
     importlib.util.find_spec("distributed") is None, reason="dask.distributed is an optional extra"
 )
-def test_a_local_dask_cluster_gives_the_same_rows(capsys, tmp_path):
+def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--scheduler", "local")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
 
 
-def test_processes_give_the_same_rows(capsys, tmp_path):
+def test_processes_give_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--jobs", "2")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
