@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,10 @@ class IdentificationError(LdcsError, ValueError):
     """A bag, a parameter or their combination cannot be used for identification."""
 
 
+# Simulation time [s], relative topic, message.
+Command = tuple[float, str, bytes]
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A recorded run, as plain data that worker processes can take.
@@ -45,7 +50,7 @@ class Experiment:
     """
 
     name: str
-    commands: tuple[tuple[float, str, bytes], ...]
+    commands: tuple[Command, ...]
     settled: bool
     schedule: tuple[dict[str, Any], ...]
     points: tuple[str, ...]
@@ -91,10 +96,10 @@ def read_experiment(
     schedule: tuple[dict[str, Any], ...]
     if description is not None:
         run = timeline(recording, namespace=description.namespace, topics=dict(TOPICS))
-        commands = tuple((command.time * 1e-9, command.topic, command.cdr) for command in run.commands)
+        given = [(command.time * 1e-9, command.topic, command.cdr) for command in run.commands]
+        commands = _effective(given, without_schedule(scene), name)
         schedule = tuple(yaml.safe_load(description.scene.text).get("inputs", ()))
         settled, shift = description.settled, recording.start * 1e-9
-        _check(commands, scene, name)
     else:
         scene = without_schedule(scene)
         commands, told = _converted(recording, meaning, scene, name)
@@ -118,20 +123,35 @@ def read_experiment(
     )
 
 
-def _check(commands: tuple[tuple[float, str, bytes], ...], scene: Scene, name: str) -> None:
-    receiver = Commands(scene.build())
-    for time, topic, cdr in commands:
+def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Command, ...]:
+    # A controller repeats itself many times a second; what changes nothing would cost a restart of the steps each time.
+    simulation = scene.build()
+    receiver = Commands(simulation)
+    kept: list[Command] = []
+    heard: set[str] = set()
+    for command in commands:
+        before = _commanded(simulation)
         try:
-            receiver.receive(topic, cdr)
+            receiver.receive(command[1], command[2])
         except Refusal as refusal:
             raise IdentificationError(
-                f"{name}: the scene refuses the command on {topic} at {time:.3f} s: {refusal}"
+                f"{name}: the scene refuses the command on {command[1]} at {command[0]:.3f} s: {refusal}"
             ) from refusal
+        # The first of its kind takes over from the schedule, whatever it says; wrenches do so frame by frame.
+        if command[1] not in heard or command[1] == "external_wrench" or _commanded(simulation) != before:
+            kept.append(command)
+        heard.add(command[1])
+    return tuple(kept)
+
+
+def _commanded(simulation: Any) -> list[Any]:
+    inputs = simulation.inputs
+    return [None if value is None else value.tolist() for value in (inputs.pressure, inputs.torque)]
 
 
 def _converted(
     recording: Any, mapping: Mapping, scene: Scene, name: str
-) -> tuple[tuple[tuple[float, str, bytes], ...], list[str]]:
+) -> tuple[tuple[Command, ...], list[str]]:
     # A rig's messages become the twin's own once, here: what they turn into depends on earlier commands only.
     simulation = scene.build()
     receiver = Commands(simulation)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.identify.experiments import Experiment, estimated_noise, read_experiment
@@ -16,6 +17,9 @@ from ldcs_ros.identify.judgement import covariance, misfit, score
 from ldcs_ros.identify.parameters import Parameter, check_parameters, parse_parameter
 from ldcs_ros.identify.prediction import predict, residuals
 from ldcs_ros.identify.workers import Workers
+from ldcs_ros.interface.messages import pressure_command
+from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.interface.twin import Twin
 
 from .conftest import SCHEDULES, record, small_scene
 
@@ -87,6 +91,21 @@ def test_a_run_from_rest_is_predicted_from_rest(tmp_path, guess):
     truth = small_scene(SCHEDULES["a"])
     experiment = read_experiment(record(tmp_path / "rest", truth, seed=4, settle=True), guess)
     assert experiment.settled
+    gap = predict(yaml.safe_load(guess.text), experiment) - experiment.position
+    assert np.abs(gap).max() < 6e-4
+
+
+def test_a_controller_that_repeats_itself_costs_and_changes_nothing(tmp_path, guess):
+    twin = Twin(load_scene(small_scene(SCHEDULES["b"])), publish_rate=5.0)
+    recorder = Recorder(tmp_path / "bag", twin)
+    twin.sinks.append(recorder)
+    for step in range(40):
+        twin.advance_to(0.01 * step)
+        twin.receive("pressure_command", pressure_command(np.array([1.0e5, 9.0e4 if step < 20 else 5.0e4])))
+    twin.advance_to(0.5)
+    recorder.close()
+    experiment = read_experiment(tmp_path / "bag", guess)
+    assert [round(time, 6) for time, _, _ in experiment.commands] == [0.0, 0.2]
     gap = predict(yaml.safe_load(guess.text), experiment) - experiment.position
     assert np.abs(gap).max() < 6e-4
 
