@@ -30,7 +30,7 @@ def _wound(degrees: float) -> list[HardCase]:
             curved,
             duration=2.0,
             right=Reference(),
-            reason="an error of 1e-5 m in couplings a hundred times as stiff as the sheet is a hundred times the energy",
+            reason="an error of 1e-5 m in couplings 100 times as stiff as the sheet is 100 times the energy",
             audit=5e-3,
         ),
     ]
