@@ -37,7 +37,7 @@ class Inputs:
         self.torque = np.zeros((2, self._arms.links)) if drive == "torque" else None
         self.pressure = np.zeros(2) if drive == "pressure" else None
         self.wrenches: dict[str, Wrench] = {}
-        self._valves = (self._valve(0.0, 0.0, 0.0),) * 2 if drive == "pressure" else ()
+        self._valves: tuple[Valve, ...] = (self._valve(0.0, 0.0, 0.0),) * 2 if drive == "pressure" else ()
         self._pending: tuple[tuple[float, tuple[float, ...]], ...] = ()
         self._live: frozenset[str] = frozenset()
         self.version += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -22,5 +22,4 @@ def compiled(function: Function) -> Function:
     """Compile a function of numbers and arrays; without numba return it as it is (same answers, slower)."""
     if not HAVE_NUMBA:
         return function
-    result: Function = numba.njit(cache=True, error_model="numpy")(function)
-    return result
+    return cast(Function, numba.njit(cache=True, error_model="numpy")(function))

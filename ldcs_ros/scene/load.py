@@ -37,7 +37,7 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
     if str(source) in shipped:
         path = shipped[str(source)]
     elif not path.is_file():
-        hint = did_you_mean(source, shipped)
+        hint = did_you_mean(str(source), shipped)
         raise SceneError(
             f"no scene {str(source)!r}: neither a file nor a shipped scene out of {list(shipped)}.{hint}"
         )
@@ -104,7 +104,7 @@ def _scene(name: str, content: Any, text: str, origin: str) -> Scene:
     return scene
 
 
-class _StrictLoader(yaml.SafeLoader):
+class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # the library has no types
     """YAML without duplicate keys."""
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from ldcs_ros.errors import SceneError
@@ -65,7 +66,8 @@ def check_scalar(
 ) -> float:
     """Return a finite number within its bounds."""
     field = dataclasses.field(metadata={"unit": unit, "low": low, "high": high, "length": None})
-    return float(_located(lambda: check_number(value, field), path))
+    with _at(path):
+        return float(check_number(value, field))
 
 
 def check_vector(
@@ -117,7 +119,8 @@ def check_points(value: Any, lattice: Lattice, path: str) -> dict[str, Point]:
             raise SceneError(
                 f"the name {name!r} is taken by the frames of wrenches; choose another @ {path}.{name}"
             )
-        points[name] = _located(lambda place=place: point_at(lattice, place), f"{path}.{name}")
+        with _at(f"{path}.{name}"):
+            points[name] = point_at(lattice, place)
     return points
 
 
@@ -149,8 +152,8 @@ def _check_effect(
     effect: Effect = cls(**_checked_fields(cls, values, path, extra=("type",)))
     for field in dataclasses.fields(cls):
         if field.metadata.get("place"):
-            where = getattr(effect, field.name)
-            _located(lambda where=where: point_at(lattice, where, points), f"{path}.{field.name}")
+            with _at(f"{path}.{field.name}"):
+                point_at(lattice, getattr(effect, field.name), points)
     return effect
 
 
@@ -161,13 +164,14 @@ def _checked_fields(cls: type, block: Any, path: str, *, extra: tuple[str, ...] 
     check_mapping(block, (*extra, *fields), path, required=required)
     values: dict[str, Any] = {}
     for key, value in block.items():
-        field, where = fields[key], f"{path}.{key}"
-        if "options" in field.metadata:
-            values[key] = _located(lambda value=value, field=field: check_choice(value, field), where)
-        elif field.metadata.get("place"):
-            values[key] = tuple(value) if isinstance(value, list) else value
-        else:
-            values[key] = _located(lambda value=value, field=field: check_number(value, field), where)
+        field = fields[key]
+        with _at(f"{path}.{key}"):
+            if "options" in field.metadata:
+                values[key] = check_choice(value, field)
+            elif field.metadata.get("place"):
+                values[key] = tuple(value) if isinstance(value, list) else value
+            else:
+                values[key] = check_number(value, field)
     return values
 
 
@@ -175,7 +179,7 @@ def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
     """Return the schedule; its values are checked against the effects when the scene is built."""
     if not isinstance(value, list):
         raise SceneError(f"got {_shown(value)}, expected a list of commands with a time @ {path}")
-    commands = []
+    commands: list[ScheduledCommand] = []
     for index, block in enumerate(value):
         where = f"{path}[{index}]"
         check_mapping(block, ("time", "torque", "pressure", "wrench"), where, required=("time",))
@@ -218,7 +222,8 @@ def check_sensors(
             for item in tracked:
                 if not isinstance(item, str):
                     raise SceneError(f"got {_shown(item)}, expected the name of a point @ {where}.points")
-                _located(lambda item=item: point_at(lattice, item, points), f"{where}.points")
+                with _at(f"{where}.points"):
+                    point_at(lattice, item, points)
             values["points"] = tuple(tracked)
         for key, (default, low, high, unit) in known.items():
             number = check_scalar(given.get(key, default), f"{where}.{key}", low=low, high=high, unit=unit)
@@ -249,9 +254,11 @@ def check_solver(value: Any, path: str) -> Solver:
     return Solver(integrator, None, check_scalar(block["dt"], f"{path}.dt", low=1e-9, high=1.0, unit="s"))
 
 
-def _located(check: Callable[[], Any], path: str) -> Any:
+@contextmanager
+def _at(path: str) -> Iterator[None]:
+    # Names the place of what a check refuses.
     try:
-        return check()
+        yield
     except ValueError as error:
         raise SceneError(f"{error} @ {path}") from error
 

@@ -57,6 +57,7 @@ class DrivenEdgesTerm(Term):
         share, share_rate = smoothstep(time / self.rise_time)
         kappa = share * self.curvature
         kappa_rate = share_rate * self.curvature / self.rise_time
-        fill_arc(*self.rest, kappa, kappa_rate, self._place, self._rate)
+        along, across, height = self.rest
+        fill_arc(along, across, height, kappa, kappa_rate, self._place, self._rate)
         q[self.driven] = self._place
         u[self.driven] = self._rate
