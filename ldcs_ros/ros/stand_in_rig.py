@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 import threading
 import time
@@ -20,7 +21,7 @@ from ldcs_ros.bridge.mock.modbus_server import ModbusServer
 from ldcs_ros.bridge.mock.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.bridge.mock.serial_port import SerialPort
 from ldcs_ros.bridge.mock.stand import Speaker, Stand
-from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, Topics
+from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.ros.transport import message_type
 
@@ -28,6 +29,7 @@ NODE_NAME = "mock_rig"
 TRANSPORTS = ("topics", "modbus", "serial")
 STATUS_PERIOD = 2.0
 GAUGE_PERIOD = 0.02
+REST = 1.0
 PARAMETERS: dict[str, Any] = {
     "scene": "rig",
     "transport": "topics",
@@ -43,7 +45,7 @@ PARAMETERS: dict[str, Any] = {
 
 
 class StandInRig(Node):
-    """Runs a stand-in rig; `~/chambers` shows what no fault can hide.
+    """Runs a stand-in rig; its own controller begins when somebody watches; `~/chambers` shows what no fault can hide.
 
     That topic carries, in Pa gauge: left and right chamber, largest pressure so far, smallest and largest set-point
     that anybody asked for.
@@ -67,6 +69,8 @@ class StandInRig(Node):
         self._stand = Stand(self._rig, self._speakers())
         self._turn(self.get_parameters([f"fault_{field.name}" for field in dataclasses.fields(Faults)]))
         self.add_on_set_parameters_callback(self._turn)
+        # Who watches from the start sees the rig at rest first: a run that can be repeated.
+        self._rig.course_start = math.inf
         self._stand.start()
         self._write_rig_file()
         # The gauge on the wall: true whatever the rig's own reports say, for people and tests.
@@ -74,6 +78,7 @@ class StandInRig(Node):
         self._timers_kept = [
             self.create_timer(STATUS_PERIOD, self._tell),
             self.create_timer(GAUGE_PERIOD, self._show_gauge),
+            self.create_timer(GAUGE_PERIOD, self._begin_when_watched),
         ]
 
     def stop(self) -> None:
@@ -135,6 +140,11 @@ class StandInRig(Node):
             except BridgeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _begin_when_watched(self) -> None:
+        watched = self._publishers_by_topic[TRACKER].get_subscription_count() > 0
+        if watched and math.isinf(self._rig.course_start):
+            self._rig.course_start = time.monotonic() + REST
 
     def _show_gauge(self) -> None:
         rig = self._rig

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from pathlib import Path
 
 import pytest
 import yaml
-from bench import LIMIT, SMALL, WORKING
+from rig_bench import LIMIT, SMALL, WORKING
 
 from ldcs_ros.bridge.limits import Limits
 from ldcs_ros.recording import read_bag
@@ -161,3 +162,31 @@ def test_bad_input_is_one_line_and_exit_status_two(tmp_path):
             node.end()
         lines = (tmp_path / "bad.log").read_text().strip().splitlines()
         assert len(lines) == 1 and lines[0].startswith("bridge: ") and words in lines[0]
+
+
+def test_the_walk_through_names_what_there_is():
+    from argparse import ArgumentParser
+    from importlib import import_module
+
+    from ldcs_ros.bridge.mock.faults import Faults
+    from ldcs_ros.cli.main import VERBS
+    from ldcs_ros.ros.rig_bridge import PARAMETERS as BRIDGE
+    from ldcs_ros.ros.stand_in_rig import PARAMETERS as RIG
+
+    root = Path(__file__).parents[2]
+    text = (
+        (root / "README.md")
+        .read_text(encoding="utf-8")
+        .split("## A rig beside the twin")[1]
+        .split("\n## ")[0]
+    )
+    for line in re.findall(r"^ +ldcs (.*)$", text, re.MULTILINE):
+        verb, *words = line.split()
+        parser = ArgumentParser(exit_on_error=False)
+        import_module(VERBS[verb].module).add_arguments(parser)
+        parser.parse_args(words)
+    for node, known in (("mock_rig", RIG), ("bridge", BRIDGE)):
+        (line,) = re.findall(rf"^ +{node} --ros-args (.*)$", text, re.MULTILINE)
+        assert set(re.findall(r"-p (\w+):=", line)) <= set(known)
+    page = (root / "docs/bridge.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"`fault_(\w+)`", page)) == set(vars(Faults()))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bench import HandClock
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rig_bench import HandClock
 
 from ldcs_ros.bridge.gate import Gate, GateState, Mode
 from ldcs_ros.bridge.limits import LastStage, Limits

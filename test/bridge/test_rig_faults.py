@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from bench import LIMIT, WORKING, Bench, HandClock
+from rig_bench import LIMIT, WORKING, Bench, HandClock
 
 from ldcs_ros.interface.diagnostics import ERROR, WARN
 

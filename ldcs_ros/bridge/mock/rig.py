@@ -20,7 +20,7 @@ from ldcs_ros.scene.scene import Scene
 from ldcs_ros.sensors import Measurement, Tracker, TrackerParameters
 
 _SMALLEST_CHANGE = 50.0
-_LONGEST_STEP = 0.02
+_LONGEST_STEP = 0.01
 CONTROLLERS = ("remote", "hold", "wave", "steps")
 
 
@@ -74,6 +74,7 @@ class MockRig:
 
     Attributes:
         faults: What is broken.
+        course_start: Steady time at which its own controller begins [s]; before, it holds no pressure.
         peak: Largest chamber pressure so far [Pa].
         lowest_setpoint: Smallest set-point that anybody asked for [Pa].
         highest_setpoint: Largest set-point that anybody asked for [Pa].
@@ -107,6 +108,7 @@ class MockRig:
         self._remote = (0.0, 0.0)
         self._remote_at = -math.inf
         self._start = self._now = clock()
+        self.course_start = self._start
         self._given = np.zeros(2)
         self._lock = threading.Lock()
         self._number = 0
@@ -132,13 +134,13 @@ class MockRig:
     @property
     def setpoint(self) -> tuple[float, float]:
         """Set-points that it works to now [Pa]."""
-        time = self._now - self._start
         if self.controller == "remote":
             return self._remote
-        if self.controller == "hold":
+        time = self._now - self.course_start
+        if self.controller == "hold" or time < 0.0:
             return (0.0, 0.0)
         if self.controller == "steps":
-            level = (0.3, 0.7, 0.5, 0.0)[int(time / 2.0) % 4] * self.limit
+            level = (0.3, 0.7, 0.5, 0.0)[int(time / 1.5) % 4] * self.limit
             return (level, level)
         swing = 0.5 * (1.0 - math.cos(2.0 * math.pi * 0.2 * time))
         lean = 0.15 * math.sin(2.0 * math.pi * 0.13 * time)
@@ -204,15 +206,18 @@ class MockRig:
         time = self._now - self._start
         if self.controller == "remote" and self._now - self._remote_at > self.bus_timeout:
             self._remote = (0.0, 0.0)
+        before = self.pressure
         for arm, valve, setpoint in zip(self.simulation.arm_names, self._valves, self.setpoint, strict=True):
             stuck, leak = self.faults.stuck == arm, self.faults.leak == arm
             valve.advance(self._now, duration, setpoint, stuck=stuck, leak=leak)
         pressure = self.pressure
         self.peak = max(self.peak, float(pressure.max()))
-        if np.abs(pressure - self._given).max() > _SMALLEST_CHANGE:
+        # Held over the step: the mean, so that the sheet does not run ahead of its chambers.
+        held = 0.5 * (before + pressure)
+        if np.abs(held - self._given).max() > _SMALLEST_CHANGE:
             bound = self.simulation.scene.effect("arms").pressure_limit
-            self.simulation.inputs.set_pressure(tuple(np.clip(pressure, 0.0, bound).tolist()))
-            self._given = pressure
+            self.simulation.inputs.set_pressure(tuple(np.clip(held, 0.0, bound).tolist()))
+            self._given = held
         while self._tracker.next_tick <= time:
             self.simulation.advance_to(max(self._tracker.next_tick, self.simulation.time))
             self._tracker.measure(self.simulation.pose)
@@ -244,7 +249,7 @@ def hidden_scene(scene: Scene, hidden: Hidden) -> Scene:
             effect["stiffness"] = hidden.stiffness * effect.get("stiffness", 80.0)
         elif effect["type"] == "arms":
             effect["pressure_gain"] = hidden.gain * effect.get("pressure_gain", 1e-6)
-            effect.update(fill_time=0.005, vent_time=0.005, dead_time=0.0)
+            effect.update(fill_time=0.001, vent_time=0.001, dead_time=0.0)
     if hidden.load > 0.0:
         content["effects"].append({"type": "payload", "at": ["mid", "free_edge"], "mass": hidden.load})
     tracker = content.get("sensors", {}).get("tracker")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -54,8 +55,9 @@ class Valve:
         if stuck:
             return
         tau = p.fill_time if self._goal > self.pressure else p.vent_time
-        rate = (self._goal - self.pressure) / tau
-        rate = min(max(rate, -p.rate_limit), p.rate_limit)
+        # Exact for a constant goal, so that the course does not depend on how often it is looked at.
+        change = (self._goal - self.pressure) * -math.expm1(-duration / tau)
+        change = min(max(change, -p.rate_limit * duration), p.rate_limit * duration)
         if leak:
-            rate -= self.pressure / p.leak_time
-        self.pressure = max(0.0, self.pressure + rate * min(duration, 0.5 * tau))
+            change += self.pressure * math.expm1(-duration / p.leak_time)
+        self.pressure = max(0.0, self.pressure + change)
