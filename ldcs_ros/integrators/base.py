@@ -55,11 +55,13 @@ class Step:
         left: Motion at its start.
         right: Motion at its end.
         error: Estimated error that this step made in the position of the worst node [m].
+        lasting: Where a free sheet coasts to with what the step got wrong of its momentum [m].
     """
 
     left: Motion
     right: Motion
     error: float
+    lasting: float = 0.0
 
     def at(self, time: float, model: Model) -> Motion:
         """Return the motion inside the step: the quintic through position, rate and acceleration at both ends."""

@@ -106,7 +106,9 @@ class AdaptiveSteps:
                 h, rejected = h * failure.remedy, True
                 continue
             inside = BEND_SHARE * self.integrator.largest_displacement(step.bend(self.integrator.model))
-            ratio = max(step.error / tolerance, inside / self.accuracy, 1e-6)
+            # Momentum changes by impacts only, and they are short: their errors are no rate per second.
+            lasting = step.lasting / (LOCAL_SHARE * self.accuracy)
+            ratio = max(step.error / tolerance, lasting, inside / self.accuracy, 1e-6)
             if ratio <= 1.0:
                 break
             self.integrator.counters.rejected_steps += 1
@@ -122,7 +124,7 @@ class AdaptiveSteps:
         if clipped and not rejected:
             # A clipped step tells about its own length only; the pace before it stands if it was longer.
             grown = max(grown, pace.h)
-        error = pace.error * math.exp(-forgetting * h) + step.error
+        error = pace.error * math.exp(-forgetting * h) + step.error + step.lasting
         pace = Pace(min(grown, ceiling, LARGEST_STEP), ceiling * CEILING_GROWTH, error, inside)
         return _landed(step, stop) if clipped else step, pace
 
@@ -190,7 +192,9 @@ def _finite_step(
     except np.linalg.LinAlgError as error:
         raise StepFailure(str(error)) from error
     right = step.right
-    if not all(np.isfinite(values).all() for values in (right.q, right.u, right.a, step.error)):
+    if not all(
+        np.isfinite(values).all() for values in (right.q, right.u, right.a, step.error + step.lasting)
+    ):
         integrator.counters.steps -= 1
         raise StepFailure("the step left the finite numbers")
     return step

@@ -23,6 +23,11 @@ WILD_RATE = 4.0
 SLOW_RATE = 0.25
 # Kept factors are used while the step is within this ratio of the one that they were made for.
 STEP_RATIO = 1.35
+# Iterations of Newton's method where kept factors have failed.
+MOST_NEWTON = 15
+NO_ANGLES = np.zeros(0)
+# How long a free sheet goes on with a wrong momentum [s].
+COASTING = 1.0
 # Contraction rate to expect of fresh factors, until one is measured.
 FRESH_RATE = 0.1
 # Where in the step Newton's matrix is taken: half as far from its ends as its start is.
@@ -78,6 +83,9 @@ class Dirk(Integrator):
         self._rate = FRESH_RATE
         self._past: tuple[tuple[float, np.ndarray], ...] = ()
         self._updates = BroydenUpdates(self._reach)
+        # Contact opens and closes within an iteration: no kept matrix holds, Newton's own does.
+        self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
+        self._sharp = any(term.sharp for term in self.model.terms)
 
     @property
     def memory(self) -> Any:
@@ -107,6 +115,12 @@ class Dirk(Integrator):
             return self._stages(motion, inputs, h, tolerance, self._renew(motion, inputs, h))
         except StepFailure:
             self._past, self._factors = past, None
+            if not self._sharp:
+                raise
+        try:
+            return self._stages(motion, inputs, h, tolerance, None)
+        except StepFailure:
+            self._past = past
             raise
 
     def _middle(self, motion: Motion, h: float) -> tuple[float, np.ndarray, np.ndarray]:
@@ -129,7 +143,7 @@ class Dirk(Integrator):
         return factors
 
     def _stages(
-        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, factors: Factors
+        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, factors: Factors | None
     ) -> Step:
         tableau, free = self.tableau, self.model.free
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
@@ -153,10 +167,13 @@ class Dirk(Integrator):
             guess = _extrapolate(past[-GUESS_POINTS:], time)
             self.model.prescribe(time, q, u)
             place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
-            angles = factors.angles
-            if angles.size and np.max(np.abs(q[-angles.size :] - angles)) > TURN:
+            angles = factors.angles if factors is not None else NO_ANGLES
+            if factors is not None and angles.size and np.max(np.abs(q[-angles.size :] - angles)) > TURN:
                 factors = self._system.turn(factors, time, q, u, inputs)
-            a, rate = self._solve(stage, guess, q, u, inputs, factors)
+            if factors is not None:
+                a, rate = self._solve(stage, guess, q, u, inputs, factors)
+            else:
+                a, rate = self._solve_exactly(stage, guess, q, u, inputs)
             worst = max(worst, rate)
             rates[i], accelerations[i] = u[free], a
             past.append((time, a))
@@ -166,10 +183,21 @@ class Dirk(Integrator):
         self.counters.steps += 1
         right = Motion(motion.time + h, q, u, accelerations[-1])
         error = self._size(h, defect, rate_defect)
-        if error > tolerance:
+        if error > tolerance and factors is not None:
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
-        return Step(motion, right, error)
+        return Step(motion, right, error, self._coasting(rate_defect))
+
+    def _coasting(self, rate_defect: np.ndarray) -> float:
+        """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.
+
+        Dampers between nodes forget all errors but that one: after an impact nothing takes it away again.
+        """
+        if not self._loose:
+            return 0.0
+        n = self.model.n_free_nodes
+        momentum = (self.model.mass * rate_defect[:n]).reshape(-1, 3).sum(axis=0)
+        return COASTING * float(np.max(np.abs(momentum))) / float(self.model.mass[::3].sum())
 
     def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
         return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
@@ -225,6 +253,31 @@ class Dirk(Integrator):
         raise StepFailure(
             f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"
         )
+
+    def _solve_exactly(
+        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
+    ) -> tuple[np.ndarray, float]:
+        """Iterate by Newton's method with a new matrix each time, as `_solve`; for forces whose slope jumps."""
+        free, model = self.model.free, self.model
+        moved = np.inf
+        for _ in range(MOST_NEWTON):
+            residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
+            try:
+                factors = self._system.factor(stage.time, q, u, inputs, stage.rate_step)
+            except np.linalg.LinAlgError as error:
+                raise StepFailure(str(error)) from error
+            change = factors.solve(residual)
+            self.counters.evaluations += 1
+            self.counters.factorisations += 1
+            self.counters.solves += 1
+            before, moved = moved, stage.rate_step**2 * largest(change, self._reach)
+            if not moved < np.inf:
+                break
+            a = a + change
+            place(free, stage.q_known, stage.u_known, a, stage.rate_step, q, u)
+            if moved <= stage.allowed and moved < before:
+                return a, FRESH_RATE
+        raise StepFailure(f"Newton's iteration of a stage at t = {stage.time:.9g} s does not converge")
 
 
 def _extrapolate(points: list[tuple[float, np.ndarray]], time: float) -> np.ndarray:

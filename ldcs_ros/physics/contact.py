@@ -17,6 +17,8 @@ class PlaneContact(Term):
     zero.
     """
 
+    sharp = True
+
     def __init__(
         self,
         name: str,

@@ -34,16 +34,16 @@ CONTACT_CASES = (
         reason="crumpled springs snap through as it lands, where neighbouring courses part tenfold",
         start="crumpled",
     ),
-    HardCase("lying on the floor for 60 s", LYING, 60.0, Still(5.0, 1e-6), LITTLE, audit=inf, fast=True),
+    HardCase("lying on the floor for 60 s", LYING, 60.0, Still(10.0, 1e-6), LITTLE, audit=inf, fast=True),
     HardCase(
         "lying on a hard floor for 60 s",
         changed(LYING, {"effects.floor.stiffness": 1e6, "effects.floor.onset": 1e-6}),
         duration=60.0,
-        right=Still(5.0, 1e-6),
+        right=Still(10.0, 1e-6),
         reason=LITTLE,
         audit=inf,
     ),
     HardCase(
-        "resting on the plates for 60 s", changed(RIG, {"inputs": []}), 60.0, Still(5.0, 1e-6), LITTLE, audit=inf
+        "resting on the plates for 60 s", changed(RIG, {"inputs": []}), 60.0, Still(10.0, 1e-6), LITTLE, audit=inf
     ),
 )  # fmt: skip
