@@ -9,11 +9,25 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turn_vectors
+from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
 
 # Number of free node coordinates from which factors are kept in single precision: 33 x 33 nodes and more.
 SINGLE_PRECISION_SIZE = 4000
+
+
+@compiled
+def _scatter_loop(values, picked, share, slot, band):  # type: ignore[no-untyped-def]
+    for k in range(picked.size):
+        band[slot[k]] += values[picked[k]] * share[k]
+
+
+def _scatter_whole(values, picked, share, slot, band):  # type: ignore[no-untyped-def]
+    band += np.bincount(slot, values[picked] * share, minlength=len(band)).astype(band.dtype)
+
+
+scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
 
 
 @dataclass(frozen=True)
@@ -46,14 +60,10 @@ class Factors:
         self.rate_step, self.frames = rate_step, frames
         self._turns: np.ndarray | None = None
         self._order, self._n = order, matrix.band.shape[1]
-        # The iteration corrects what factors lack, so for large lattices, where memory traffic counts, half
-        # the digits do: they take half the time.
-        self._single = self._n >= SINGLE_PRECISION_SIZE
-        band = matrix.band.astype(np.float32) if self._single else matrix.band
-        self._factor, self._apply = (
-            (lapack.spbtrf, lapack.spbtrs) if self._single else (lapack.dpbtrf, lapack.dpbtrs)
-        )
-        self._band, status = self._factor(band, lower=1, overwrite_ab=1)
+        single = matrix.band.dtype == np.float32
+        factor = lapack.spbtrf if single else lapack.dpbtrf
+        self._apply = lapack.spbtrs if single else lapack.dpbtrs
+        self._band, status = factor(matrix.band, lower=1, overwrite_ab=1)
         if status != 0:
             raise np.linalg.LinAlgError("the matrix is not positive definite")
         self._set_border(matrix.border, matrix.corner, angles)
@@ -202,9 +212,10 @@ class LinearSystem:
 
     def _placed(self, values: np.ndarray) -> Bordered:
         n = self.model.n_free_nodes
-        band = np.bincount(
-            self._inner_slot, values[self._inner] * self._inner_share, minlength=n * self._width
-        )
+        # The iteration corrects what factors lack, so for large lattices, where memory traffic counts, half
+        # the digits do: they take half the time.
+        band = np.zeros(n * self._width, dtype=np.float32 if n >= SINGLE_PRECISION_SIZE else np.float64)
+        scatter(values, self._inner, self._inner_share, self._inner_slot, band)
         return Bordered(band.reshape((self._width, n), order="F"), *self._bordering(values, 0))
 
     def _bordering(self, values: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
