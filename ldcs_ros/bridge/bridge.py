@@ -44,7 +44,7 @@ class Bridge:
         follower: The twin's runner.
         mirror: The estimator, in mode mirror.
         bag: Where the rig's side is recorded, if it is.
-        failure: Why the twin stopped; '' while it runs. The gate works on without it.
+        failure: Why the twin stopped; '' while it runs. Links and gate work on without it.
     """
 
     def __init__(
@@ -127,6 +127,11 @@ class Bridge:
         stale = self._staleness(now)
         if stale:
             found.append(stale)
+        for arm in self.twin.simulation.arm_names:
+            if arm not in self.measured:
+                found.append(f"no pressure of {arm} has been measured yet")
+        if self.failure:
+            found.append(f"the twin stopped: {self.failure}")
         full = {arm: value for arm, value in self.measured.items() if value > _EMPTY * limits.pressure}
         found += [f"{arm} holds {value / 1e3:.1f} kPa; vent it first" for arm, value in full.items()]
         found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
@@ -161,6 +166,9 @@ class Bridge:
             self.gate.trip(stale)
         for arm, fault in self.watch.faults.items():
             self.gate.trip(f"{arm} {fault}")
+        if self.failure:
+            # Without it nobody can tell a sound valve from a stuck one.
+            self.gate.trip(f"the twin stopped: {self.failure}")
 
     def _staleness(self, now: float) -> str:
         return self.intake.staleness(now, "pressure", self.rig.limits.rig_timeout)

@@ -156,4 +156,4 @@ def _values(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
 
 
 def _placed(rule: Incoming, place: Any) -> np.ndarray:
-    return np.array(rule.origin) + rotate(np.array(rule.turn), (place.x, place.y, place.z))  # type: ignore[no-any-return]
+    return np.array(rule.origin) + rotate(np.array(rule.turn), (place.x, place.y, place.z))

@@ -131,6 +131,12 @@ class SurfaceFilter:
         self._has_pressure = self._has_begun = False
         self.innovations: deque[tuple[float, int]] = deque(maxlen=800)
         self.outliers = self.restarts = 0
+        self._outliers_in_a_row: Counter[tuple[str, ...]] = Counter()
+        self._a: np.ndarray
+        self._v: np.ndarray
+        self._theta: np.ndarray
+        self._covariance: np.ndarray
+        self._scale: float
         self._begin(start)
 
     def pressure(self, time: float, gauge: np.ndarray) -> None:
@@ -213,7 +219,7 @@ class SurfaceFilter:
         self.time = time
         self._theta = NOMINAL.copy()
         self._scale = 1.0
-        self._outliers_in_a_row: Counter[tuple[str, ...]] = Counter()
+        self._outliers_in_a_row.clear()
         pressure = self._pressure_at(time)
         with one_thread():
             self._a = self._reduced.rest(pressure, self._theta)

@@ -19,6 +19,7 @@ class Stoppable(Protocol):
     """What `run` expects of a node."""
 
     finished: threading.Event
+    failure: str
 
     def stop(self) -> None:
         """End the work; may be called again."""
@@ -36,7 +37,7 @@ def run(name: str, load: Callable[[], Callable[[], Any]], arguments: list[str] |
         arguments: Arguments for ROS; None for those of the process.
 
     Returns:
-        0 after a clean end, also by a signal; 2 for input that cannot be used.
+        0 after a clean end, also by a signal; 1 when the node failed; 2 for input that cannot be used.
     """
     signals = StopSignals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -73,7 +74,7 @@ def _run(
         executor.add_node(node)
         while not signals.requested.is_set() and not node.finished.is_set():
             executor.spin_once(timeout_sec=_SPIN_PERIOD)
-        return 0
+        return 1 if node.failure else 0
     finally:
         if node is not None:
             node.stop()

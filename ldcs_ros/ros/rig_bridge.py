@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 import time
+import traceback
 from collections import deque
 from functools import partial
 from typing import Any
 
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
@@ -48,12 +50,15 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     "duration": (0.0, "Time after which the bridge ends [s]; 0 for never."),
 }
 
+_RANGES = {"publish_rate": (0.1, 2000.0), "accuracy": (1e-9, 1e-2), "duration": (0.0, 1e9)}
+
 
 class RigBridge(Node):
     """Runs a bridge on a thread of its own.
 
     Attributes:
-        finished: Set when the duration is over.
+        finished: Set when the duration is over, or the bridge has failed.
+        failure: Why it failed; '' otherwise.
 
     Raises:
         LdcsError: A parameter does not fit; nothing was started.
@@ -61,9 +66,10 @@ class RigBridge(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE)
-        for name, (default, _) in PARAMETERS.items():
-            self.declare_parameter(name, default)
+        for name, (default, text) in PARAMETERS.items():
+            self.declare_parameter(name, default, _descriptor(name, text))
         self.finished = threading.Event()
+        self.failure = ""
         self._lock = threading.Lock()
         self._commands: deque[bytes] = deque(maxlen=100)
         if not self._value("rig"):
@@ -159,6 +165,14 @@ class RigBridge(Node):
         return response
 
     def _run(self) -> None:
+        try:
+            self._repeat()
+        except Exception as error:  # whatever it is: the operator is told, and the node ends, which vents
+            self.failure = f"the bridge stopped: {error!r}"
+            self.get_logger().error(f"{self.failure}\n{traceback.format_exc()}")
+            self.finished.set()
+
+    def _repeat(self) -> None:
         duration = self._value("duration")
         chores = [Periodic(DIAGNOSTICS_PERIOD, self._diagnose)]
         chores.append(
@@ -197,3 +211,11 @@ class RigBridge(Node):
         problem = recorder.error or bag.error
         values = {"twin messages": recorder.count, "rig messages": bag.count}
         return Status("recorder", ERROR if problem else OK, problem or "recording", values)
+
+
+def _descriptor(name: str, text: str) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=text, read_only=True)
+    if name in _RANGES:
+        low, high = _RANGES[name]
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return descriptor

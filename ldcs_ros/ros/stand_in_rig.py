@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray
 from ldcs_ros import load_scene
 from ldcs_ros.bridge.mock.faults import Faults
 from ldcs_ros.bridge.mock.modbus_server import ModbusServer
-from ldcs_ros.bridge.mock.rig import Hidden, MockRig, hidden_scene
+from ldcs_ros.bridge.mock.rig import CONTROLLERS, Hidden, MockRig, hidden_scene
 from ldcs_ros.bridge.mock.serial_port import SerialPort
 from ldcs_ros.bridge.mock.stand import Speaker, Stand
 from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, TRACKER, Topics
@@ -30,17 +30,17 @@ TRANSPORTS = ("topics", "modbus", "serial")
 STATUS_PERIOD = 2.0
 GAUGE_PERIOD = 0.02
 REST = 1.0
-PARAMETERS: dict[str, Any] = {
-    "scene": "rig",
-    "transport": "topics",
-    "controller": "wave",
-    "port": 0,
-    "rig_file": "",
-    "stiffness_factor": Hidden.stiffness,
-    "gain_factor": Hidden.gain,
-    "load": Hidden.load,
-    "tracker_delay": Hidden.tracker_delay,
-    "clock_epoch": 1000.0,
+PARAMETERS: dict[str, tuple[Any, str]] = {
+    "scene": ("rig", "Scene of the rig before anything is hidden in it."),
+    "transport": ("topics", f"What carries pressures and set-points: one of {', '.join(TRANSPORTS)}."),
+    "controller": ("wave", f"Who gives set-points: one of {', '.join(CONTROLLERS)}."),
+    "port": (0, "TCP port of the Modbus server; 0 for any free one."),
+    "rig_file": ("", "Where to write the rig file that connects a bridge; empty to print it."),
+    "stiffness_factor": (Hidden.stiffness, "Factor on the stiffness of the sheet's springs."),
+    "gain_factor": (Hidden.gain, "Factor on the arms' torque for a pressure."),
+    "load": (Hidden.load, "Mass at the free edge beside the scene's payload [kg]."),
+    "tracker_delay": (Hidden.tracker_delay, "From a measurement of the tracker to its delivery [s]."),
+    "clock_epoch": (1000.0, "What the rig's clock shows at its start [s]."),
 }
 
 
@@ -51,7 +51,8 @@ class StandInRig(Node):
     that anybody asked for.
 
     Attributes:
-        finished: Never set; it runs until it is stopped.
+        finished: Set when the rig has failed; else it runs until it is stopped.
+        failure: Why it failed; '' otherwise.
 
     Raises:
         LdcsError: A parameter does not fit; nothing was started.
@@ -59,11 +60,12 @@ class StandInRig(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME)
-        for name, default in PARAMETERS.items():
-            self.declare_parameter(name, default)
+        for name, (default, text) in PARAMETERS.items():
+            self.declare_parameter(name, default, ParameterDescriptor(description=text))
         for field in dataclasses.fields(Faults):
             self.declare_parameter(f"fault_{field.name}", field.default)
         self.finished = threading.Event()
+        self.failure = ""
         self._publishers_by_topic: dict[str, Any] = {}
         self._rig = self._make_rig()
         self._stand = Stand(self._rig, self._speakers())
@@ -153,7 +155,9 @@ class StandInRig(Node):
 
     def _tell(self) -> None:
         if self._stand.failure:
-            self.get_logger().error(f"the rig stopped: {self._stand.failure}")
+            self.failure = f"the rig stopped: {self._stand.failure}"
+            self.get_logger().error(self.failure)
+            self.finished.set()
         left, right = (self._rig.pressure / 1e3).tolist()
         peak = self._rig.peak / 1e3
         print(
