@@ -1,5 +1,4 @@
-"""`ldcs study`: what accuracy costs in time, measured here: CSV, work-precision diagram, report, "
-"recommendation."""
+"""`ldcs study`: what accuracy costs in time, measured here: CSV, diagram, report, recommendation."""
 
 from __future__ import annotations
 
@@ -70,8 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, write the files, print the recommendation; status 0, or 1 if the promised accuracy is not "
-    "kept."""
+    """Measure, write the files, print the recommendation; status 0, or 1 if the promised accuracy is not
+    kept."""
     from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.diagram import draw
     from ldcs_ros.study.execute import carry_out

@@ -14,8 +14,8 @@ BASELINE_STEPS = (0.1, 0.05, 0.02, 0.01, 0.005)
 
 
 def quick() -> list[Task]:
-    """Return the preset that ends within two minutes: 9 x 9 in full, one accuracy sweep at 17 x 17 and 33 x "
-    "33."""
+    """Return the preset that ends within two minutes: 9 x 9 in full, one accuracy sweep at 17 x 17 and 33 x
+    33."""
     return [
         *_sweep("arc", 9, ("esdirk43", "trbdf2"), (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
         *_sweep("arc", 9, ("rkc2",), (1e-3, 1e-4, 1e-5, 1e-6), runs=2),

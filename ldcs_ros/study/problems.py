@@ -40,8 +40,8 @@ def scene_of(name: str, nodes: int | None = None, **solver: Any) -> Any:
 
 
 def positions(simulation: Any, times: tuple[float, ...]) -> np.ndarray:
-    """Advance a simulation through times [s]; return all node positions there [m], shape (n_times, n_nodes, "
-    "3)."""
+    """Advance a simulation through times [s]; return all node positions there [m], shape (n_times, n_nodes,
+    3)."""
     course = []
     for time in times:
         simulation.advance_to(time)

@@ -1,5 +1,4 @@
-"""The error of the lattice itself: where P0 and P1 of a scene with a material stand, for finer and finer "
-"lattices."""
+"""The error of the lattice itself: where P0 and P1 of a scene with a material stand, for finer and finer ones."""
 
 from __future__ import annotations
 
@@ -13,8 +12,8 @@ POINTS = ("P0", "P1")
 
 
 def spatial_errors(task: Task) -> list[Row]:
-    """Return one row with the points' positions at the comparison times [mm] in `extra`; `against_finest` "
-    "compares."""
+    """Return one row with the points' positions at the comparison times [mm] in `extra`; `against_finest`
+    compares."""
     scene = scene_of(task.scene, task.nodes, accuracy=task.value)
     course: list[float] = []
 
