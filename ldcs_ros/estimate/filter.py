@@ -86,13 +86,14 @@ class SurfaceFilter:
     time a measurement on one core:
 
         open-loop twin                            9.0 mm
-        filter on the state alone, 24 shapes      5.4 mm   NIS 0.5    2.2 ms
-        with parameters, 12 shapes                0.55 mm  NIS 1.3    1.9 ms
-        with parameters, 16 shapes                0.36 mm  NIS 1.3    1.9 ms
-        with parameters, 24 shapes (this)         0.15 mm  NIS 0.98   2.2 ms
-        an ensemble of 10 full twins              not run: 2.5 s of CPU time for each second
+        filter on the state alone, 24 shapes      6.5 mm    NIS 0.70   1.6 ms
+        with parameters, 12 shapes                0.61 mm   NIS 1.08   1.2 ms
+        with parameters, 16 shapes                0.18 mm   NIS 1.05   1.4 ms
+        with parameters, 24 shapes (this)         0.13 mm   NIS 1.02   1.6 ms
+        with parameters, 32 shapes                0.08 mm   NIS 1.02   2.0 ms
+        an ensemble of full twins                 not built: each takes 0.25 s a second under 100 commands a second
 
-    A shape that is missing acts like a lock on the stiff couplings of the arms: that is why 16 are worse than
+    A shape that is missing acts like a lock on the stiff couplings of the arms: that is why 12 are worse than
     their share of the sheet's motion says. A measurement far outside of what the filter holds possible is left
     out, unless several follow each other.
 
