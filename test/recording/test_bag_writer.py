@@ -45,7 +45,7 @@ def test_the_decoder_of_mcap_ros2_support_reads_the_bag(tmp_path, make_pose):
     record(tmp_path / "bag", [("/P0/pose", POSE, make_pose(0.25), 5)])
     with open(tmp_path / "bag" / "bag_0.mcap", "rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        (schema, channel, message, pose), = reader.iter_decoded_messages()
+        ((schema, channel, message, pose),) = reader.iter_decoded_messages()
         summary = reader.get_summary()
         header = reader.get_header()
     assert (pose.pose.position.x, pose.header.frame_id) == (0.25, "ldcs_base")
