@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from ldcs_ros.study.hard.case import Bounded, HardCase, Periodic
+from ldcs_ros.study.hard.case import Bounded, HardCase, Periodic, Refused
 from ldcs_ros.study.hard.scenes import ARC, ARMS, Content, changed
 
 PERIOD = 10.0  # s
 
 
 def _forced(name: str, scene: Content, method: str, dt: float) -> HardCase:
-    # A microsecond over ten milliseconds, a tenth of a second over three seconds.
-    duration = min(3.0, max(0.005, 3000 * dt))
+    # A microsecond over a millisecond, a tenth of a second over three seconds.
+    duration = min(3.0, 1000 * dt)
     values = {"solver": {"integrator": method, "dt": dt}}
     return HardCase(
         f"{name}: {method}, dt = {dt:g} s",
@@ -31,6 +31,16 @@ STEP_CASES = (
         for name, scene in (("arc", ARC), ("arms", ARMS))
         for method in ("esdirk43", "trbdf2")
         for dt in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+    ),
+    *(
+        HardCase(
+            f"arc: {method}, dt = 0.001 s",
+            changed(ARC, {"solver": {"integrator": method, "dt": 1e-3}}),
+            duration=0.1,
+            right=Refused(rf"dt = 0.001 s is above the stability limit \S+ s of {method}"),
+            fast=True,
+        )
+        for method in ("semi_implicit_euler", "rk4")
     ),
     HardCase(
         "one hour of slow cycles",

@@ -11,6 +11,10 @@ COARSE = (
 )
 SCALES = (1e-3, 1.0, 1e3)
 STIFFNESS, DAMPING = 80.0, 5.0
+DRIFT = (
+    "a sheet without damping swings chaotically, so there is no reference: it must stay in reach and keep its energy; "
+    "the audit is the drift. With a fixed step it is the method's own, and first-order methods may lose all of it"
+)
 LITTLE_MOTION = (("arms", 1e3, 1.0), ("arc", 1.0, 1e3), ("arc", 1e3, 1e3), ("arc", 1e-3, 1e3))
 
 
@@ -27,7 +31,7 @@ def _scaled() -> list[HardCase]:
                     HardCase(
                         f"{name}: stiffness x {k:g}, damping x {c:g}",
                         changed(scene, values),
-                        duration=1.0,
+                        duration=0.3 if (k, c) == (1e3, 1e-3) else 1.0,
                         right=Reference(),
                         reason=COARSE if (name, k, c) in LITTLE_MOTION else "",
                         audit=5e-3 if (name, k, c) in LITTLE_MOTION else None,
@@ -67,19 +71,29 @@ def _couplings() -> list[HardCase]:
 
 def _undamped() -> list[HardCase]:
     cases = []
-    for method in ("esdirk43", "trbdf2"):
-        values = {"effects.springs.damping": 0.0, "solver": {"integrator": method, "accuracy": 1e-4}}
-        values["lattice.nodes"] = [5, 5]
+    for nodes, method, solver in (
+        (5, "esdirk43", {"accuracy": 1e-4}),
+        (3, "esdirk43", {"dt": 2e-3}),
+        (3, "trbdf2", {"dt": 2e-3}),
+        (3, "rosenbrock_w", {"dt": 2e-3}),
+        (3, "rk4", {"dt": 2e-3}),
+        (3, "semi_implicit_euler", {"dt": 2e-3}),
+        (3, "linearly_implicit_euler", {"dt": 2e-3}),
+    ):
+        values = {
+            "effects.springs.damping": 0.0,
+            "lattice.nodes": [nodes, nodes],
+            "solver": {"integrator": method, **solver},
+        }
         cases.append(
             HardCase(
-                f"no damping for 60 s, {method}",
+                f"no damping for 60 s, [{nodes}, {nodes}], {method}",
                 changed(HANGING, values),
                 duration=60.0,
-                right=Bounded(0.2),
-                audit=0.2,
+                right=Bounded(0.3),
+                reason=DRIFT,
+                audit=2.0 if "dt" in solver else 0.01,
                 patience=400.0,
-                reason="waves finer than the asked accuracy are damped by an L-stable method: the drift is bounded, "
-                "and only downward",
             )
         )
     values = {"effects.springs.damping": 0.0, "effects.gravity.acceleration": [0.0, 0.0, -0.5]}
@@ -114,7 +128,7 @@ STIFFNESS_CASES = (
                 "effects.springs.stiffness": 8e4,
                 "effects.springs.damping": 5e-3,
             }),
-            duration=0.5,
+            duration=0.2,
             right=Reference(),
             reason=COARSE if law == "axiswise" else "",
             audit=0.1 if law == "axiswise" else None,
