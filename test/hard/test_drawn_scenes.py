@@ -1,0 +1,63 @@
+"""Whatever scene the schema allows: a run ends finite, or stops with a diagnosis, and makes no energy."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+from hypothesis import HealthCheck, event, given, settings
+
+from ldcs_ros import load_scene
+from ldcs_ros.errors import DivergenceError, SceneError
+from ldcs_ros.study.hard.case import AUDIT_SHARE
+from ldcs_ros.study.hard.runner import Stuck, march
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drawn_scenes import DURATION, scenes
+
+EXAMPLES = int(os.environ.get("LDCS_EXAMPLES", "40"))
+PATIENCE = 4.0  # s: a scene of stiff and light parts may take long; that is told apart, not waited for
+DIAGNOSIS = re.compile(r"t = \S+ s.*no step above \S+ s.*(node_\w+|link \d).*(check|reduce)")
+
+
+def _slack(simulation, accuracy: float, moved: float) -> float:
+    """Energy that an error of the asked accuracy stands for: in the motion as a whole, and in its stiffest parts."""
+    model = simulation.model
+    length = max(simulation.lattice.size)
+    motion = simulation.last_step.right
+    by_position, _ = model.jacobian(motion.time, motion.q, motion.u, simulation.inputs.held(), definite=True)
+    stiffest = float(np.abs(by_position).max(initial=0.0)) * len(model.free)
+    return AUDIT_SHARE * accuracy / length * moved + stiffest * (3.0 * accuracy) ** 2
+
+
+@settings(
+    max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES <= 40, suppress_health_check=list(HealthCheck)
+)
+@given(scenes())
+def test_a_run_ends_finite_or_with_a_diagnosis_and_makes_no_energy(content):
+    try:
+        simulation = load_scene(content).build()
+    except SceneError as error:
+        assert "@" in str(error)
+        event("refused")
+        return
+    looks = list(np.linspace(0.0, DURATION, 6)[1:])
+    try:
+        course = march(simulation, DURATION, looks, PATIENCE, audited=True)
+    except DivergenceError as error:
+        assert DIAGNOSIS.search(str(error))
+        event("stopped with a diagnosis")
+        course = None
+    except Stuck:
+        event("still running")
+        course = None
+    state = simulation.state
+    for values in (state.position, state.velocity, state.link_angle, state.link_rate):
+        assert np.isfinite(values).all()
+    if course is not None:
+        event("ended")
+        accuracy = content["solver"]["accuracy"]
+        assert course.audit.growth <= _slack(simulation, accuracy, course.audit.moved)
