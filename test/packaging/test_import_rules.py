@@ -31,7 +31,9 @@ ALLOWED = {
     "mapping": {"errors"},
     "compare": CORE | {"recording", "mapping", "plotting"},
     "replay": CORE | {"recording", "interface", "mapping", "plotting"},
-    "cli": CORE | {"sensors", "recording", "interface", "plotting", "mapping", "replay", "compare", "validate", "identify", "study"},
+    "cli": CORE
+    | {"sensors", "recording", "interface", "plotting", "mapping"}
+    | {"replay", "compare", "validate", "identify", "study"},
     "ros": CORE | {"sensors", "recording", "interface", "bridge"},
     "estimate": CORE,
     "bridge": CORE | {"sensors", "recording", "interface", "estimate"},
