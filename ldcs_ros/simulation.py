@@ -89,6 +89,9 @@ class Simulation:
             self._control = FixedSteps(self.integrator, solver.dt)
         self._fresh = self.integrator.memory
         self.statistics = Statistics()
+        # A command that will be refused in ten minutes is refused now.
+        self.time, self._next_command = 0.0, 0
+        self._run_schedule(math.inf)
         self.reset()
 
     def reset(self, state: State | None = None) -> None:

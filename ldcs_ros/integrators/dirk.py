@@ -23,6 +23,8 @@ WILD_RATE = 4.0
 SLOW_RATE = 0.25
 # Kept factors are used while the step is within this ratio of the one that they were made for.
 STEP_RATIO = 1.35
+# What an iteration leaves over must not lift a resting sheet off its contact: this share of the onset's width.
+ONSET_SHARE = 1e-3
 # Iterations of Newton's method where kept factors have failed.
 MOST_NEWTON = 15
 NO_ANGLES = np.zeros(0)
@@ -85,7 +87,7 @@ class Dirk(Integrator):
         self._updates = BroydenUpdates(self._reach)
         # Contact opens and closes within an iteration: no kept matrix holds, Newton's own does.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
-        self._sharp = any(term.sharp for term in self.model.terms)
+        self._onset = min(term.onset for term in self.model.terms)
 
     @property
     def memory(self) -> Any:
@@ -115,7 +117,7 @@ class Dirk(Integrator):
             return self._stages(motion, inputs, h, tolerance, self._renew(motion, inputs, h))
         except StepFailure:
             self._past, self._factors = past, None
-            if not self._sharp:
+            if self._onset == np.inf:
                 raise
         try:
             return self._stages(motion, inputs, h, tolerance, None)
@@ -162,7 +164,7 @@ class Dirk(Integrator):
                 rate_step,
                 q0 + h * (tableau.a[i, :i] @ rates[:i]),
                 rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
-                ITERATION_SHARE * tolerance,
+                min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._onset),
             )
             guess = _extrapolate(past[-GUESS_POINTS:], time)
             self.model.prescribe(time, q, u)

@@ -17,8 +17,6 @@ class PlaneContact(Term):
     zero.
     """
 
-    sharp = True
-
     def __init__(
         self,
         name: str,

@@ -133,3 +133,10 @@ def test_a_scenes_text_makes_the_same_scene(name, tmp_path):
     path = tmp_path / f"{name}.yaml"
     path.write_text(scene.text)
     assert load_scene(path) == scene
+
+
+def test_a_command_that_its_effect_will_refuse_is_refused_before_the_run():
+    late = copy.deepcopy(GOOD)
+    late["inputs"] += [{"time": 600.0, "torque": 99.0}]
+    with pytest.raises(SceneError, match=r"torque: got .* @ inputs\[1\]"):
+        load_scene(late).build()

@@ -75,8 +75,8 @@ class Term:
     name: str = ""
     breakpoints: tuple[float, ...] = ()
     has_energy: bool = True
-    # Its Jacobian may jump within a step.
-    sharp: bool = False
+    # Displacement over which its Jacobian changes altogether, as where contact sets in [m].
+    onset: float = float("inf")
 
     def added_mass(self) -> np.ndarray | float:
         """Return what the effect adds to the nodes' masses [kg], shape (n_nodes,) or 0."""
