@@ -138,5 +138,5 @@ class HardCase:
         """Largest accepted relative residual of the energy audit."""
         if self.audit is not None:
             return self.audit
-        length = max(self.scene["lattice"]["size"])
+        length = self.scene["lattice"]["size"][0]
         return float("inf") if self.accuracy is None else AUDIT_SHARE * self.accuracy / length

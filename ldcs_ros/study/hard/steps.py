@@ -5,7 +5,7 @@ from __future__ import annotations
 from ldcs_ros.study.hard.case import Bounded, HardCase, Periodic, Refused
 from ldcs_ros.study.hard.scenes import ARC, ARMS, Content, changed
 
-PERIOD = 10.0  # s
+PERIOD = 20.0  # s
 
 
 def _forced(name: str, scene: Content, method: str, dt: float) -> HardCase:
@@ -44,8 +44,8 @@ STEP_CASES = (
     ),
     HardCase(
         "one hour of slow cycles",
-        changed(ARMS, {"inputs": _cycles(360)}),
-        duration=360 * PERIOD,
+        changed(ARMS, {"inputs": _cycles(180)}),
+        duration=180 * PERIOD,
         right=Periodic(PERIOD, after=3 * PERIOD, limit=1e-9),
         audit=float("inf"),
         patience=600.0,
