@@ -35,6 +35,7 @@ lint: setup  ## check the style
 
 hard: setup  ## run all hard cases (half an hour), write docs/hard_cases.md: HARD='--only floor' for a few
 	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
+	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
 
 types: setup  ## check the types
 	@$(BIN)/mypy
