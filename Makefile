@@ -33,7 +33,7 @@ bench: setup  ## watch the speed: ratios to a compiled loop in one run, and wher
 lint: setup  ## check the style
 	@$(BIN)/ruff check --quiet .
 
-hard: setup  ## run all hard cases (half an hour), write docs/hard_cases.md: HARD='--only floor' for a few
+hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases.md: HARD='--only floor' for a few
 	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
 	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
 

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="preset",
         action="store_const",
         const="hard",
-        help="the hard cases instead: half an hour",
+        help="the hard cases instead: a quarter of an hour",
     )
     parser.set_defaults(preset="quick")
     parser.add_argument("--only", metavar="WORD", default="", help="with --hard: cases with it in their name")
