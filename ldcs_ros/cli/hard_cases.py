@@ -33,8 +33,9 @@ def run_hard_cases(arguments: argparse.Namespace) -> int:
                 print(as_text(row), flush=True)
 
         rows = run_catalogue(cases, jobs=arguments.jobs, on_row=tell)
-    only = f" --only '{arguments.only}'" if arguments.only else ""
-    path = write_page(rows, arguments.output, machine=machine(), command=f"ldcs study --hard{only}")
+    command = "ldcs study --hard" + (f" --only '{arguments.only}'" if arguments.only else "")
+    command += f" --jobs {arguments.jobs}" if arguments.jobs > 1 else ""
+    path = write_page(rows, arguments.output, machine=machine(), command=command)
     if arguments.json:
         measured = [{**asdict(row), "case": row.case.name} for row in rows]
         print_json({"rows": measured, "summary": summary(rows), "page": str(path)})
