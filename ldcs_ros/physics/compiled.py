@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def _cache_folder() -> Path:
+    # numba looks at the file of a kernel only, not at those of the kernels that it calls: an edit there would go
+    # on running the old code. So each state of the sources has a cache of its own.
+    package = Path(__file__).parents[1]
+    sources = sorted(
+        path for room in ("physics", "integrators", "study") for path in (package / room).rglob("*.py")
+    )
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+    beside = package / "__pycache__"
+    writable = os.access(beside if beside.exists() else package, os.W_OK)
+    home = beside if writable else Path(tempfile.gettempdir()) / f"ldcs_ros-{os.getuid()}"
+    return home / f"kernels-{digest}"
+
 
 try:
     if os.environ.get("LDCS_NO_NUMBA"):
         raise ImportError("switched off by LDCS_NO_NUMBA")
     import numba
 
+    if not numba.config.CACHE_DIR:
+        numba.config.CACHE_DIR = str(_cache_folder())
     HAVE_NUMBA = True
 except ImportError:
     HAVE_NUMBA = False
