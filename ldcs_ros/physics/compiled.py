@@ -31,8 +31,8 @@ try:
         raise ImportError("switched off by LDCS_NO_NUMBA")
     import numba
 
-    if not numba.config.CACHE_DIR:
-        numba.config.CACHE_DIR = str(_cache_folder())
+    if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]  # set at import
+        numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
     HAVE_NUMBA = True
 except ImportError:
     HAVE_NUMBA = False
