@@ -5,15 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ldcs_ros.errors import BridgeError
+from ldcs_ros.mapping.units import PRESSURE
 
-PASCALS: dict[str, float] = {
-    "Pa": 1.0,
-    "hPa": 100.0,
-    "mbar": 100.0,
-    "kPa": 1e3,
-    "psi": 6894.757293168,
-    "bar": 1e5,
-}
+# The units of mapping files: one table for a rig on the wire and in a bag.
+PASCALS: dict[str, float] = PRESSURE
 REFERENCES = ("gauge", "absolute")
 AMBIENT = 101325.0
 

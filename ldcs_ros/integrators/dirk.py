@@ -85,7 +85,7 @@ class Dirk(Integrator):
         self._rate = FRESH_RATE
         self._past: tuple[tuple[float, np.ndarray], ...] = ()
         self._updates = BroydenUpdates(self._reach)
-        # Contact opens and closes within an iteration: no kept matrix holds, Newton's own does.
+        # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
         self._onset = min(term.onset for term in self.model.terms)
 

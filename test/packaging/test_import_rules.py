@@ -36,7 +36,7 @@ ALLOWED = {
     | {"replay", "compare", "validate", "identify", "study"},
     "ros": CORE | {"sensors", "recording", "interface", "bridge"},
     "estimate": CORE,
-    "bridge": CORE | {"sensors", "recording", "interface", "estimate"},
+    "bridge": CORE | {"sensors", "recording", "interface", "estimate", "mapping"},
     "__main__": {"cli"},
     "__init__": CORE,
 }
