@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-OWN_MESSAGES = Path(__file__).parents[1] / "msg_defs" / "msg"
+from ldcs_ros.recording.schemas import Schemas
 
 # The stamp of a message that begins with a header lies right behind the four bytes that name the encoding.
 _STAMP = struct.Struct("<iI")
@@ -21,12 +19,7 @@ _SENTINEL = 0xA5
 @lru_cache(maxsize=1)
 def typestore() -> Any:
     """The definitions of ROS 2 Kilted (those used here are the same in Humble to Rolling), and our own messages."""
-    store = get_typestore(Stores.ROS2_KILTED)
-    types: dict[str, Any] = {}
-    for path in sorted(OWN_MESSAGES.glob("*.msg")):
-        types |= get_types_from_msg(path.read_text(encoding="utf-8"), f"ldcs_msgs/msg/{path.stem}")
-    store.register(types)
-    return store
+    return Schemas().typestore
 
 
 def message_class(message_type: str) -> Any:
