@@ -1,9 +1,9 @@
-"""The parameters of the simulation node as data: default, meaning, range, and whether they may change."""
+"""A node's parameters as data: default, meaning, range, whether they may change; and those of the simulation node."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,30 +104,30 @@ _ROS_PARAMETERS = ("qos_overrides.", "use_sim_time", "start_type_description_ser
 _GAPS = {"real_time_factor": (-1.0, 1e-3), "tracker_rate": (0.0, 0.1), "accuracy": (0.0, 1e-9)}
 
 
-def declare(node: Node) -> list[str]:
-    """Declare all parameters on a node; return a complaint about each given name that is none of them.
+def declare(node: Node, table: Mapping[str, NodeParameter] = PARAMETERS) -> list[str]:
+    """Declare a table of parameters on a node; return a complaint about each given name that is none of them.
 
     Raises:
         ParameterException or ValueError: A value given at the start is of a wrong type or out of its range.
     """
-    for parameter in PARAMETERS.values():
+    for parameter in table.values():
         node.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
-    given = [node.get_parameter(name) for name in PARAMETERS]
-    reason = complaint(given)
+    given = [node.get_parameter(name) for name in table]
+    reason = complaint(given, table)
     if reason:
         raise ValueError(reason)
     # ROS ignores what is not declared, so that one file can serve many nodes; a slip should not pass in silence.
     return [
-        f"unknown parameter '{name}' is ignored.{did_you_mean(name, PARAMETERS)}"
+        f"unknown parameter '{name}' is ignored.{did_you_mean(name, table)}"
         for name in node._parameter_overrides
-        if name not in PARAMETERS and not name.startswith(_ROS_PARAMETERS)
+        if name not in table and not name.startswith(_ROS_PARAMETERS)
     ]
 
 
-def complaint(changes: Iterable[Parameter[Any]]) -> str:
+def complaint(changes: Iterable[Parameter[Any]], table: Mapping[str, NodeParameter] = PARAMETERS) -> str:
     """Return what is wrong with a set of values beyond type and range; '' when nothing is."""
     for change in changes:
-        parameter = PARAMETERS.get(change.name)
+        parameter = table.get(change.name)
         if parameter is None or not isinstance(change.value, float):
             continue
         low, high = _GAPS.get(change.name, (0.0, 0.0))

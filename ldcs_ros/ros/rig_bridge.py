@@ -10,7 +10,6 @@ from collections import deque
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
@@ -26,6 +25,8 @@ from ldcs_ros.errors import BridgeError
 from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.ros.parameters import declare
+from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS
 from ldcs_ros.ros.runner import Periodic
 from ldcs_ros.ros.transport import Transport, message_type
 
@@ -34,23 +35,6 @@ DEFAULT_NAMESPACE = "/ldcs"
 PERIOD = 0.01
 DIAGNOSTICS_PERIOD = 1.0
 STATUS_PERIOD = 2.0
-PARAMETERS: dict[str, tuple[Any, str]] = {
-    "rig": ("", "Rig file: the path of one, or the name of a shipped one."),
-    "scene": (
-        "rig",
-        "Scene of the twin: the name of a shipped one, or a path; its arms have drive: pressure.",
-    ),
-    "mode": (
-        "shadow",
-        "shadow: listen only; mirror: pull an estimate to the sensors; live: forward commands.",
-    ),
-    "record": ("", "Folder for the bags <record>/twin and <record>/rig; it must not exist. Empty for none."),
-    "publish_rate": (50.0, "Reports of the twin's state a second [Hz]."),
-    "accuracy": (1e-4, "Largest node position error asked of the solver [m]."),
-    "duration": (0.0, "Time after which the bridge ends [s]; 0 for never."),
-}
-
-_RANGES = {"publish_rate": (0.1, 2000.0), "accuracy": (1e-9, 1e-2), "duration": (0.0, 1e9)}
 
 
 class RigBridge(Node):
@@ -66,8 +50,8 @@ class RigBridge(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE)
-        for name, (default, text) in PARAMETERS.items():
-            self.declare_parameter(name, default, _descriptor(name, text))
+        for complaint in declare(self, BRIDGE_PARAMETERS):
+            self.get_logger().warning(complaint)
         self.finished = threading.Event()
         self.failure = ""
         self._lock = threading.Lock()
@@ -211,11 +195,3 @@ class RigBridge(Node):
         problem = recorder.error or bag.error
         values = {"twin messages": recorder.count, "rig messages": bag.count}
         return Status("recorder", ERROR if problem else OK, problem or "recording", values)
-
-
-def _descriptor(name: str, text: str) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=text, read_only=True)
-    if name in _RANGES:
-        low, high = _RANGES[name]
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    return descriptor

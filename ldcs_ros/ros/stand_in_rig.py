@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 import threading
@@ -10,38 +9,27 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros import load_scene
-from ldcs_ros.bridge.mock.faults import Faults
 from ldcs_ros.bridge.mock.modbus_server import ModbusServer
-from ldcs_ros.bridge.mock.rig import CONTROLLERS, Hidden, MockRig, hidden_scene
+from ldcs_ros.bridge.mock.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.bridge.mock.serial_port import SerialPort
 from ldcs_ros.bridge.mock.stand import Speaker, Stand
 from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.errors import BridgeError
+from ldcs_ros.ros.parameters import declare
+from ldcs_ros.ros.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
 from ldcs_ros.ros.transport import message_type
 
 NODE_NAME = "mock_rig"
-TRANSPORTS = ("topics", "modbus", "serial")
+FAULT = "fault_"
 STATUS_PERIOD = 2.0
 GAUGE_PERIOD = 0.02
 REST = 1.0
-PARAMETERS: dict[str, tuple[Any, str]] = {
-    "scene": ("rig", "Scene of the rig before anything is hidden in it."),
-    "transport": ("topics", f"What carries pressures and set-points: one of {', '.join(TRANSPORTS)}."),
-    "controller": ("wave", f"Who gives set-points: one of {', '.join(CONTROLLERS)}."),
-    "port": (0, "TCP port of the Modbus server; 0 for any free one."),
-    "rig_file": ("", "Where to write the rig file that connects a bridge; empty to print it."),
-    "stiffness_factor": (Hidden.stiffness, "Factor on the stiffness of the sheet's springs."),
-    "gain_factor": (Hidden.gain, "Factor on the arms' torque for a pressure."),
-    "load": (Hidden.load, "Mass at the free edge beside the scene's payload [kg]."),
-    "tracker_delay": (Hidden.tracker_delay, "From a measurement of the tracker to its delivery [s]."),
-    "clock_epoch": (1000.0, "What the rig's clock shows at its start [s]."),
-}
 
 
 class StandInRig(Node):
@@ -60,16 +48,14 @@ class StandInRig(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME)
-        for name, (default, text) in PARAMETERS.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=text))
-        for field in dataclasses.fields(Faults):
-            self.declare_parameter(f"fault_{field.name}", field.default)
+        for complaint in declare(self, MOCK_RIG_PARAMETERS):
+            self.get_logger().warning(complaint)
         self.finished = threading.Event()
         self.failure = ""
         self._publishers_by_topic: dict[str, Any] = {}
         self._rig = self._make_rig()
         self._stand = Stand(self._rig, self._speakers())
-        self._turn(self.get_parameters([f"fault_{field.name}" for field in dataclasses.fields(Faults)]))
+        self._turn([self.get_parameter(name) for name in MOCK_RIG_PARAMETERS if name.startswith(FAULT)])
         self.add_on_set_parameters_callback(self._turn)
         # Who watches from the start sees the rig at rest first: a run that can be repeated.
         self._rig.course_start = math.inf
@@ -135,10 +121,10 @@ class StandInRig(Node):
 
     def _turn(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         for change in changes:
-            if not change.name.startswith("fault_"):
-                return SetParametersResult(successful=False, reason=f"{change.name} is fixed from the start")
+            if not change.name.startswith(FAULT):
+                continue
             try:
-                self._rig.faults.set(change.name.removeprefix("fault_"), change.value)
+                self._rig.faults.set(change.name.removeprefix(FAULT), change.value)
             except BridgeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

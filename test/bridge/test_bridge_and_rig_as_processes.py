@@ -171,8 +171,7 @@ def test_the_walk_through_names_what_there_is():
 
     from ldcs_ros.bridge.mock.faults import Faults
     from ldcs_ros.cli.main import VERBS
-    from ldcs_ros.ros.rig_bridge import PARAMETERS as BRIDGE
-    from ldcs_ros.ros.stand_in_rig import PARAMETERS as RIG
+    from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
 
     root = Path(__file__).parents[2]
     text = (
@@ -186,7 +185,7 @@ def test_the_walk_through_names_what_there_is():
         parser = ArgumentParser(exit_on_error=False)
         import_module(VERBS[verb].module).add_arguments(parser)
         parser.parse_args(words)
-    for node, known in (("mock_rig", RIG), ("bridge", BRIDGE)):
+    for node, known in (("mock_rig", MOCK_RIG_PARAMETERS), ("bridge", BRIDGE_PARAMETERS)):
         (line,) = re.findall(rf"^ +{node} --ros-args (.*)$", text, re.MULTILINE)
         assert set(re.findall(r"-p (\w+):=", line)) <= set(known)
     page = (root / "docs/bridge.md").read_text(encoding="utf-8")
