@@ -36,15 +36,23 @@ class Topic:
     recorded: bool = True
 
 
+# A second of commands at 1 kHz: none is overwritten while a service is being served or a bag closed.
+_COMMANDS = 1000
+
 _ALL = (
     Topic(
         "pressure_command",
         "std_msgs/msg/Float64MultiArray",
         "in",
         "gauge pressure of each arm [Pa], order left, right; one value for both",
+        depth=_COMMANDS,
     ),
     Topic(
-        "torque_command", "sensor_msgs/msg/JointState", "in", "joint torques [N m] in effort, by joint name"
+        "torque_command",
+        "sensor_msgs/msg/JointState",
+        "in",
+        "joint torques [N m] in effort, by joint name",
+        depth=_COMMANDS,
     ),
     # It amounts to pressures or torques and is recorded as those: bags hold nothing but standard types.
     Topic(
@@ -52,6 +60,7 @@ _ALL = (
         "ldcs_msgs/msg/ArmCommand",
         "in",
         "stamped, numbered: gauge pressures [Pa] or torques [N m] by the name of the arm",
+        depth=_COMMANDS,
         recorded=False,
     ),
     Topic(
@@ -59,6 +68,7 @@ _ALL = (
         "geometry_msgs/msg/WrenchStamped",
         "in",
         "force [N] and torque [N m] at the point named by frame_id, held until replaced or timed out",
+        depth=_COMMANDS,
     ),
     Topic(
         "nodes",

@@ -11,7 +11,7 @@ from ldcs_ros.ros.runner import Mode, Runner
 
 
 def health(
-    runner: Runner, recorder: Recorder | None, recording_error: str, interfaces: dict[str, str]
+    runner: Runner, recorder: Recorder | None, recording_error: str, interfaces: dict[str, str], missed: int
 ) -> list[Status]:
     """Return all entries of the diagnostics; ends the meter's present period.
 
@@ -20,6 +20,7 @@ def health(
         recorder: What records it, if anything does.
         recording_error: Why nothing is recorded although it was asked for; '' otherwise.
         interfaces: State of each optional interface.
+        missed: Commands that were overwritten in a full queue.
     """
     runner.meter.read(runner.twin.time)
     statuses = runner.twin.statuses()
@@ -32,7 +33,7 @@ def health(
         ]
     return [
         _pace(runner),
-        *statuses,
+        *(_with_missed(status, missed) for status in statuses),
         _recording(recorder, recording_error),
         Status("interfaces", OK, "optional interfaces", interfaces),
     ]
@@ -45,6 +46,13 @@ def interface_states(present: dict[str, bool], used: set[str]) -> dict[str, str]
         state = "in use" if name in used else "installed, not used" if present[name] else "not installed"
         words[name] = f"{state} ({purpose})"
     return words
+
+
+def _with_missed(status: Status, missed: int) -> Status:
+    if status.name != "commands":
+        return status
+    values = {**status.values, "missed, queue full": missed}
+    return replace(status, values=values, level=WARN if missed else status.level)
 
 
 def _pace(runner: Runner) -> Status:

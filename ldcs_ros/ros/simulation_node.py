@@ -192,7 +192,8 @@ class SimulationNode(LifecycleNode):
         runner = self._runner
         if runner is not None:
             self._watch_recorder()
-            statuses = health(runner, self._recorder, self._recording_error, self._interfaces)
+            missed = self._transport.missed
+            statuses = health(runner, self._recorder, self._recording_error, self._interfaces, missed)
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
 
     def _watch_recorder(self) -> None:

@@ -15,6 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from ldcs_ros.interface.topics import Topic
+from ldcs_ros.ros.intake import Intake
 
 
 class Transport:
@@ -28,6 +29,7 @@ class Transport:
         self._node = node
         self._publishers: dict[str, Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
+        self._intakes: list[Intake] = []
 
     def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> None:
         """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`.
@@ -44,15 +46,12 @@ class Transport:
                     kind, topic.name, qos, qos_overriding_options=overrides
                 )
             else:
-                subscription = self._node.create_subscription(
-                    kind,
-                    topic.name,
-                    partial(receive, topic.name),
-                    qos,
-                    qos_overriding_options=overrides,
-                    raw=True,
+                intake = Intake(partial(receive, topic.name))
+                intake.subscription = self._node.create_subscription(
+                    kind, topic.name, intake, qos, qos_overriding_options=overrides, raw=True
                 )
-                self._subscriptions.append(subscription)
+                self._intakes.append(intake)
+                self._subscriptions.append(intake.subscription)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -62,6 +61,12 @@ class Transport:
             self._node.destroy_subscription(subscription)
         self._publishers.clear()
         self._subscriptions.clear()
+        self._intakes.clear()
+
+    @property
+    def missed(self) -> int:
+        """Commands that were overwritten in a full queue before they could be taken."""
+        return sum(intake.missed for intake in self._intakes)
 
     def wanted(self, topic: str) -> bool:
         """Tell whether somebody listens."""
