@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
+from functools import partial
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import DivergenceError
@@ -200,13 +201,16 @@ class Runner:
 
     def _attempt(self, advance: Callable[[], None]) -> None:
         started = time.perf_counter()
+        self._guard(advance)
+        self.meter.count(time.perf_counter() - started)
+
+    def _guard(self, function: Callable[[], object]) -> None:
         try:
-            advance()
+            function()
         except DivergenceError as error:
             self._fail(str(error))
         except Exception as error:  # whatever it is, the last good state stays and the operator is told
             self._fail(f"the simulation stopped at t = {self.twin.time:g} s: {error!r}")
-        self.meter.count(time.perf_counter() - started)
 
     def _fail(self, reason: str) -> None:
         self.mode = Mode.FAILED
@@ -226,4 +230,4 @@ class Runner:
 
     def _apply_commands(self) -> None:
         while self._commands:
-            self.twin.receive(*self._commands.popleft())
+            self._guard(partial(self.twin.receive, *self._commands.popleft()))
