@@ -15,6 +15,7 @@ endif
 READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
 PACKAGE := .venv/.package
 MESSAGES := .venv/.messages
+STAND_IN := .venv/.simulation_interfaces
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-14s %s\n' "$$target" "$$text"; done
@@ -24,7 +25,7 @@ setup: $(PACKAGE) $(MESSAGES)  ## make .venv/ with pinned versions, ROS 2 wheels
 sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
 
-test: lint  ## check the style, then run the whole test suite: PYTEST='-k word'
+test: lint $(STAND_IN)  ## check the style, then run the whole test suite: PYTEST='-k word'
 	@source tools/environment.sh && ROS_PYTHON_CHECK_FIELDS=1 exec $(BIN)/python -m pytest $(PYTEST)
 
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
@@ -40,8 +41,8 @@ hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases
 types: setup  ## check the types
 	@$(BIN)/mypy
 
-msgs: setup  ## build the interface package ldcs_msgs again
-	@source tools/environment.sh && $(BIN)/python tools/build_messages.py && touch $(MESSAGES)
+msgs: setup  ## build the interface packages again: ldcs_msgs, and what stands in for simulation_interfaces
+	@source tools/environment.sh && $(BIN)/python tools/build_messages.py && touch $(MESSAGES) $(STAND_IN)
 
 colcon: setup  ## build both packages with colcon into install/, then check what it installed
 	@tools/colcon.sh
@@ -67,6 +68,10 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 
 # The twin runs without ldcs_msgs, so set-up goes on; without a stamp the next one tries again.
 $(MESSAGES): $(READY) $(shell find msg_defs -type f)
-	@source tools/environment.sh; $(BIN)/python tools/build_messages.py && touch $@ || true
+	@source tools/environment.sh; $(BIN)/python tools/build_messages.py ldcs_msgs && touch $@ || true
+
+# Half a minute, once; without it the tests that need it are skipped.
+$(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces -type f)
+	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces && touch $@ || true
 
 .PHONY: help setup sim test bench lint hard types msgs colcon bags lock clean

@@ -1,6 +1,6 @@
-"""Builds the interface package ldcs_msgs (msg_defs/) and installs it into the venv that runs this script.
+"""Builds interface packages and installs them into the venv that runs this script; all, or those named.
 
-Where it cannot be built, one line says why and the exit status is 1; the twin runs without it.
+Where one cannot be built, one line says why and the exit status is 1; the twin runs without it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "messages"
+PACKAGES = {
+    "ldcs_msgs": ROOT / "msg_defs",
+    # Stands in for the package of the distribution, so that the simulator services are tested everywhere.
+    "simulation_interfaces": ROOT / "test" / "ros" / "simulation_interfaces",
+}
 
 
 def prefixes() -> list[str]:
@@ -32,39 +37,51 @@ def missing() -> list[str]:
     return lacks
 
 
-def main() -> int:
-    lacks = missing()
-    if lacks:
-        missing_here = ", ".join(lacks)
-        print(f"setup: ldcs_msgs is not built (the twin runs without it): no {missing_here}", file=sys.stderr)
-        return 1
+def found_elsewhere(package: str) -> bool:
+    """Tell whether a sourced distribution or workspace has a package."""
+    return any(Path(prefix, "share", package).is_dir() for prefix in prefixes() if prefix != sys.prefix)
+
+
+def build(package: str) -> bool:
+    """Build and install one package; return whether that went well."""
     environment = os.environ | {"AMENT_PREFIX_PATH": os.pathsep.join(prefixes())}
     python_folder = f"lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
+    folder = BUILD / package
     commands = [
         [
-            "cmake", "-S", str(ROOT / "msg_defs"), "-B", str(BUILD),
+            "cmake", "-S", str(PACKAGES[package]), "-B", str(folder),
             f"-DCMAKE_INSTALL_PREFIX={sys.prefix}",
             f"-DCMAKE_PREFIX_PATH={';'.join(prefixes())}",
             f"-DPython3_EXECUTABLE={sys.executable}",
             f"-DPYTHON_INSTALL_DIR={python_folder}",
             "-DBUILD_TESTING=OFF",
         ],
-        ["cmake", "--build", str(BUILD), "--parallel", str(os.cpu_count() or 1)],
-        ["cmake", "--install", str(BUILD)],
+        ["cmake", "--build", str(folder), "--parallel", str(os.cpu_count() or 1)],
+        ["cmake", "--install", str(folder)],
     ]  # fmt: skip
-    shutil.rmtree(BUILD, ignore_errors=True)  # CMake's cache may name a Python or a message that is gone
-    BUILD.mkdir(parents=True)
-    log = BUILD / "log.txt"
+    shutil.rmtree(folder, ignore_errors=True)  # CMake's cache may name a Python or a message that is gone
+    folder.mkdir(parents=True)
+    log = folder / "log.txt"
     with log.open("wb") as output:
         for command in commands:
             status = subprocess.call(command, env=environment, stdout=output, stderr=subprocess.STDOUT)
             if status:
                 sys.stderr.write("".join(log.read_text(errors="replace").splitlines(keepends=True)[-15:]))
-                print(f"setup: ldcs_msgs is not built (the twin runs without it): see {log}", file=sys.stderr)
-                return 1
-    print("setup: built ldcs_msgs")
-    return 0
+                print(f"setup: {package} is not built (the twin runs without it): see {log}", file=sys.stderr)
+                return False
+    print(f"setup: built {package}")
+    return True
+
+
+def main(packages: list[str]) -> int:
+    wanted = [name for name in packages if name == "ldcs_msgs" or not found_elsewhere(name)]
+    if wanted and (lacks := missing()):
+        missing_here = ", ".join(lacks)
+        names = ", ".join(wanted)
+        print(f"setup: {names} not built (the twin runs without): no {missing_here}", file=sys.stderr)
+        return 1
+    return 0 if all([build(name) for name in wanted]) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:] or list(PACKAGES)))
