@@ -59,22 +59,27 @@ def sentinel(size: int) -> np.ndarray:
 
 
 class PatchedMessage:
-    """A large message of constant layout: encoded once, then only stamp and one block are written.
+    """A large message of constant layout: encoded once, then only its stamp and some blocks are written.
 
     Args:
-        message: Message object that begins with a header and holds `sentinel(size)` in place of the block.
-        size: Length of the block [bytes].
+        message: Message object that begins with a header and holds `sentinel(size)` in place of each block.
+        sizes: Length of each block in the order of the message [bytes].
     """
 
-    def __init__(self, message: Any, size: int) -> None:
+    def __init__(self, message: Any, *sizes: int) -> None:
         self._bytes = bytearray(encode(message))
-        offset = self._bytes.find(sentinel(size).tobytes())
-        if offset < 0:
-            raise ValueError(f"{message.__msgtype__} does not hold a block of {size} bytes")
-        self._block = slice(offset, offset + size)
+        self._blocks: list[slice] = []
+        end = 0
+        for size in sizes:
+            start = self._bytes.find(sentinel(size).tobytes(), end)
+            if start < 0:
+                raise ValueError(f"{message.__msgtype__} does not hold a block of {size} bytes")
+            end = start + size
+            self._blocks.append(slice(start, end))
 
-    def fill(self, time_ns: int, block: np.ndarray) -> bytes:
-        """Return the message with this stamp and this block (contiguous, of the right size)."""
+    def fill(self, time_ns: int, *blocks: np.ndarray) -> bytes:
+        """Return the message with this stamp and these blocks (contiguous, of the right sizes)."""
         _STAMP.pack_into(self._bytes, _STAMP_OFFSET, *divmod(time_ns, 1_000_000_000))
-        self._bytes[self._block] = block.view(np.uint8).reshape(-1).data
+        for place, block in zip(self._blocks, blocks, strict=True):
+            self._bytes[place] = block.view(np.uint8).reshape(-1).data
         return bytes(self._bytes)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from ldcs_ros.interface import messages
 from ldcs_ros.interface.cdr import nanoseconds
-from ldcs_ros.interface.loads import Load, load_arrows, rotate
-from ldcs_ros.interface.surface import NodeCloud, SurfaceMesh
+from ldcs_ros.interface.markers import MARKER_TOPICS, Markers, Shown
+from ldcs_ros.interface.surface import NodeCloud
 from ldcs_ros.interface.topics import BASE_FRAME, TOPICS, TRACKER_FRAME, Topic, expand
 from ldcs_ros.sensors import Measurement, PressureSensorParameters, TrackerParameters
 
@@ -51,12 +51,12 @@ class Outputs:
         self._wanted = wanted
         self._ambient_pressure = ambient_pressure
         self._cloud = NodeCloud(simulation.lattice.nodes)
-        self._surface: SurfaceMesh | None = None
+        self._markers = Markers(simulation.scene)
         self._truth = {point: f"truth/{point}/pose" for point in simulation.points}
         self._variance = 0.0 if pressure_sensor is None else pressure_sensor.noise**2
         self._publish_clock = publish_clock
         self._publish_tf = publish_tf
-        self.topics = {name: TOPICS[name] for name in ("nodes", "surface", "loads")}
+        self.topics = {name: TOPICS[name] for name in ("nodes", *MARKER_TOPICS)}
         self.topics |= expand("truth/{point}/pose", simulation.points)
         if simulation.arm_names:
             self.topics["joint_states"] = TOPICS["joint_states"]
@@ -93,11 +93,15 @@ class Outputs:
         if self._publish_tf:
             stamped = [messages.transform(now, BASE_FRAME, point, *pose) for point, pose in poses.items()]
             self._send("/tf", messages.transforms(stamped), now)
-        if self._wanted("surface"):
-            self._surface = self._surface or SurfaceMesh(simulation.lattice.nodes)
-            self._send("surface", self._surface.build(now, state.position), now)
-        if self._wanted("loads"):
-            self._send("loads", load_arrows(now, wrench_loads(simulation)), now)
+        self._report_markers(now, state, {point: position for point, (position, _) in poses.items()})
+
+    def _report_markers(self, now: int, state: Any, places: Mapping[str, np.ndarray]) -> None:
+        self._markers.follow(now, places)
+        wanted = [name for name in MARKER_TOPICS if self._wanted(name)]
+        if wanted:
+            shown = Shown(state.position, state.link_angle, self._simulation.inputs.wrenches)
+            for name in wanted:
+                self._send(name, self._markers.build(name, now, shown), now)
 
     def report_tracker(self, measured: Iterable[Measurement]) -> None:
         """Report delivered measurements: poses stamped when measured, driver messages when delivered."""
@@ -118,13 +122,3 @@ class Outputs:
 
     def _send(self, topic: str, cdr: bytes, time_ns: int) -> None:
         self._emit(self.topics[topic], cdr, time_ns)
-
-
-def wrench_loads(simulation: Any) -> list[Load]:
-    """Return the forces that are commanded at present, in the axes of ldcs_base."""
-    loads = []
-    for frame, wrench in simulation.inputs.wrenches.items():
-        position, orientation = simulation.pose(frame.removesuffix("_aligned"))
-        force = np.asarray(wrench.force) if frame.endswith("_aligned") else rotate(orientation, wrench.force)
-        loads.append(Load(frame, position, force))
-    return loads

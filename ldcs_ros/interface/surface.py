@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.interface.cdr import PatchedMessage, header, message_class, sentinel
+from ldcs_ros.interface.colours import of_height
+from ldcs_ros.interface.marker import TRIANGLE_LIST, marker, rgba
 from ldcs_ros.interface.topics import BASE_FRAME
 
 CLOUD_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
 _FLOAT32 = 7
-_TRIANGLE_LIST = 11
-_COLOUR = (0.93, 0.62, 0.42, 1.0)
+_POINT_BYTES, _COLOUR_BYTES = 24, 16
+_COLOUR = (0.16, 0.55, 0.55, 1.0)
 
 
 class NodeCloud:
@@ -20,15 +22,16 @@ class NodeCloud:
 
     Args:
         nodes: Number of nodes along x and along y.
+        frame: Name of the base frame.
     """
 
-    def __init__(self, nodes: tuple[int, int]) -> None:
+    def __init__(self, nodes: tuple[int, int], frame: str = BASE_FRAME) -> None:
         nx, ny = nodes
         point_step = 4 * len(CLOUD_FIELDS)
         self._numbers = np.empty((2 * nx * ny, len(CLOUD_FIELDS)), dtype="<f4")
         point_field = message_class("sensor_msgs/msg/PointField")
         message = message_class("sensor_msgs/msg/PointCloud2")(
-            header=header(0, BASE_FRAME),
+            header=header(0, frame),
             height=2 * nx,
             width=ny,
             fields=[
@@ -51,20 +54,25 @@ class NodeCloud:
 
 
 class SurfaceMesh:
-    """Builds `surface`: a Marker of triangles over both layers and the four sides, seen from outside.
+    """Builds `surface`: a Marker of triangles over both layers and the four sides, coloured by height.
 
     Args:
         nodes: Number of nodes along x and along y.
+        length: Length of the sheet along x, half of which above and below is the scale of colours [m].
+        frame: Name of the base frame.
     """
 
-    def __init__(self, nodes: tuple[int, int]) -> None:
+    def __init__(self, nodes: tuple[int, int], length: float, frame: str = BASE_FRAME) -> None:
         self._corners = triangles(nodes).ravel()
-        size = self._corners.size * 24
-        self._message = PatchedMessage(_mesh_marker(self._corners.size, size), size)
+        self._length = length
+        sizes = self._corners.size * _POINT_BYTES, self._corners.size * _COLOUR_BYTES
+        self._message = PatchedMessage(_mesh_marker(self._corners.size, frame), *sizes)
 
     def build(self, time_ns: int, position: np.ndarray) -> bytes:
         """Return the message for positions [m] of shape (n_nodes, 3)."""
-        return self._message.fill(time_ns, np.ascontiguousarray(position[self._corners], dtype="<f8"))
+        colours = of_height(position[:, 2], self._length)
+        corners = np.ascontiguousarray(position[self._corners], dtype="<f8")
+        return self._message.fill(time_ns, corners, np.ascontiguousarray(colours[self._corners], dtype="<f4"))
 
 
 def triangles(nodes: tuple[int, int]) -> np.ndarray:
@@ -90,57 +98,17 @@ def _grid(index: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
-def _mesh_marker(n_corners: int, size: int) -> Any:
-    corners = sentinel(size).view("<f8").reshape(n_corners, 3)
-    point = message_class("geometry_msgs/msg/Point")
+def _mesh_marker(n_corners: int, frame: str) -> Any:
+    corners = sentinel(n_corners * _POINT_BYTES).view("<f8").reshape(n_corners, 3)
+    colours = sentinel(n_corners * _COLOUR_BYTES).view("<f4").reshape(n_corners, 4)
     return marker(
-        header(0, BASE_FRAME),
+        header(0, frame),
         namespace="surface",
         number=0,
-        kind=_TRIANGLE_LIST,
+        kind=TRIANGLE_LIST,
         scale=(1.0, 1.0, 1.0),
+        # Viewers that know no colours by corner take this one.
         colour=_COLOUR,
-        points=[point(x=x, y=y, z=z) for x, y, z in corners.tolist()],
-    )
-
-
-def marker(
-    header: Any,
-    *,
-    namespace: str,
-    number: int,
-    kind: int,
-    scale: tuple[float, float, float],
-    colour: tuple[float, float, float, float],
-    points: list[Any],
-    action: int = 0,
-) -> Any:
-    """Return a visualization_msgs/Marker at the origin; scale [m], colour red, green, blue, opacity."""
-    vector = message_class("geometry_msgs/msg/Vector3")
-    pose = message_class("geometry_msgs/msg/Pose")(
-        position=message_class("geometry_msgs/msg/Point")(x=0.0, y=0.0, z=0.0),
-        orientation=message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=0.0, w=1.0),
-    )
-    red, green, blue, opacity = colour
-    nothing = np.zeros(0, dtype=np.uint8)
-    return message_class("visualization_msgs/msg/Marker")(
-        header=header,
-        ns=namespace,
-        id=number,
-        type=kind,
-        action=action,
-        pose=pose,
-        scale=vector(x=scale[0], y=scale[1], z=scale[2]),
-        color=message_class("std_msgs/msg/ColorRGBA")(r=red, g=green, b=blue, a=opacity),
-        lifetime=message_class("builtin_interfaces/msg/Duration")(sec=0, nanosec=0),
-        frame_locked=False,
-        points=points,
-        colors=[],
-        texture_resource="",
-        texture=message_class("sensor_msgs/msg/CompressedImage")(header=header, format="", data=nothing),
-        uv_coordinates=[],
-        text="",
-        mesh_resource="",
-        mesh_file=message_class("visualization_msgs/msg/MeshFile")(filename="", data=nothing),
-        mesh_use_embedded_materials=False,
+        points=corners.tolist(),
+        colours=[rgba(colour) for colour in colours.tolist()],
     )

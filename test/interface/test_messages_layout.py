@@ -47,7 +47,7 @@ def test_the_mesh_is_closed_and_seen_from_outside(nodes):
 
 def test_the_mesh_marker_holds_the_corners_in_full_precision():
     position = RANDOM.normal(size=(18, 3))
-    message = decode("visualization_msgs/msg/Marker", SurfaceMesh((3, 3)).build(7, position))
+    message = decode("visualization_msgs/msg/Marker", SurfaceMesh((3, 3), 0.14).build(7, position))
     corners = np.array([[p.x, p.y, p.z] for p in message.points])
     assert np.array_equal(corners, position[triangles((3, 3)).ravel()])
     assert (message.type, message.action, message.pose.orientation.w, message.scale.x) == (11, 0, 1.0, 1.0)
@@ -57,8 +57,9 @@ def test_the_mesh_marker_holds_the_corners_in_full_precision():
 def test_load_arrows_replace_what_was_shown():
     load = Load("P1", np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, -0.4]))
     markers = decode("visualization_msgs/msg/MarkerArray", load_arrows(0, [load])).markers
-    assert [one.action for one in markers] == [3, 0]
+    assert [one.action for one in markers] == [3, 0, 0]
     assert markers[1].points[1].z == pytest.approx(3.0 - 0.04)
+    assert markers[2].text == "0.4 N"
 
 
 def test_rotating_by_a_quarter_turn_about_z_takes_x_to_y():

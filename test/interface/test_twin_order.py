@@ -109,16 +109,6 @@ def test_another_seed_is_another_noise(run):
     assert poses[0] == poses[1] != poses[2]
 
 
-def test_markers_are_built_only_while_somebody_listens(run):
-    listened = set()
-    twin, collected = run(wanted=lambda name: name in listened)
-    twin.advance_to(0.02)
-    listened |= {"surface", "loads"}
-    twin.advance_to(0.04)
-    assert [message[3] for message in collected.on("surface")] == [40_000_000]
-    assert len(collected.on("loads")) == 1
-
-
 def test_clock_and_tf_come_when_asked_for(run):
     twin, collected = run(publish_clock=True, publish_tf=True)
     twin.advance_to(0.02)

@@ -1,0 +1,87 @@
+"""The arms as lines for viewers: the links of a chain with its joints, or the arc that an edge is driven onto."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.interface import colours
+from ldcs_ros.interface.marker import LINE_STRIP, SPHERE_LIST, marker_array
+from ldcs_ros.interface.topics import BASE_FRAME
+from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
+from ldcs_ros.physics.effects.base import Assembly
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.points import Point
+
+_WIDTH = 1.25  # of a line, in thicknesses of the sheet: an arm shows above and below it
+_JOINT = 1.6  # diameter of a joint, likewise
+
+
+class ArmLines:
+    """Builds `arms`: for each arm a line along its links and a ball at each joint.
+
+    Args:
+        lattice: The lattice.
+        points: The scene's named points.
+        effects: The scene's effects; arms and driven edges are drawn.
+    """
+
+    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Iterable[Any]) -> None:
+        self._lattice = lattice
+        self._thickness = float(lattice.size[2])
+        self._term: ArmsTerm | None = None
+        self._edges: list[tuple[str, np.ndarray]] = []
+        for effect in effects:
+            if effect.name == "arms":
+                term = effect.bind(Assembly(lattice, points, lattice.node_mass))
+                self._term = term
+                arm_of, rows = term.couplings[0], term.couplings[3]
+                self._across = [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in (0, 1)]
+            elif effect.name == "driven_edges":
+                self._edges = [(edge, _middle(lattice, edge)) for edge in effect.edges]
+
+    def lines(self, position: np.ndarray, link_angle: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the points of each line [m], shape (n, 3), by name: base, ends of the links; or along the edge.
+
+        Args:
+            position: Node positions [m], shape (n_nodes, 3).
+            link_angle: Angles of the links to the x axis [rad], shape (n_arms, n_links).
+        """
+        drawn = {edge: position[nodes].mean(axis=0) for edge, nodes in self._edges}
+        if self._term is not None and np.size(link_angle):
+            stations = self._term.station_positions(np.concatenate([position.ravel(), np.ravel(link_angle)]))
+            for name, across, plane in zip(ARM_NAMES, self._across, stations, strict=True):
+                drawn[name] = np.insert(plane, 1, across, axis=1)
+        return drawn
+
+    def build(
+        self, time_ns: int, position: np.ndarray, link_angle: np.ndarray, frame: str = BASE_FRAME
+    ) -> bytes:
+        """Return the message for what `lines` takes."""
+        return marker_array(time_ns, frame, self._markers(self.lines(position, link_angle)))
+
+    def _markers(self, lines: dict[str, np.ndarray]) -> Iterable[dict[str, Any]]:
+        for name, points in lines.items():
+            yield {
+                "namespace": name,
+                "kind": LINE_STRIP,
+                "scale": (_WIDTH * self._thickness, 0.0, 0.0),
+                "colour": colours.ARM,
+                "points": points,
+            }
+            if name in ARM_NAMES:
+                size = _JOINT * self._thickness
+                yield {
+                    "namespace": f"{name}/joints",
+                    "kind": SPHERE_LIST,
+                    "scale": (size, size, size),
+                    "colour": colours.JOINT,
+                    "points": points[:-1],
+                }
+
+
+def _middle(lattice: Lattice, edge: str) -> np.ndarray:
+    """Return the nodes of both layers along a side edge, shape (2, nx)."""
+    return lattice.index[:, :, 0 if edge == "y_min" else -1]

@@ -1,0 +1,47 @@
+"""The colours of what viewers show: a scale of heights for the sheet, and one for each other thing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Six colours of viridis, told apart by colour-blind readers; its own ends are the ends of the scale.
+_SCALE = (
+    np.array(
+        [(68, 1, 84), (65, 68, 135), (42, 120, 142), (34, 168, 132), (122, 209, 81), (253, 231, 37)],
+        dtype=np.float32,
+    )
+    / 255.0
+)
+_PLACES = np.linspace(-0.5, 0.5, len(_SCALE))
+
+ARM = (0.13, 0.13, 0.15, 1.0)
+JOINT = (0.95, 0.95, 0.95, 1.0)
+FORCE = (0.80, 0.15, 0.15, 1.0)
+TORQUE = (0.60, 0.20, 0.65, 1.0)
+PAYLOAD = (0.35, 0.37, 0.42, 1.0)
+TEXT = (0.75, 0.10, 0.10, 1.0)
+# Okabe and Ito's palette, in the order of the points.
+POINTS = (
+    (0.90, 0.62, 0.00, 1.0),
+    (0.84, 0.37, 0.00, 1.0),
+    (0.34, 0.71, 0.91, 1.0),
+    (0.80, 0.47, 0.65, 1.0),
+    (0.00, 0.45, 0.70, 1.0),
+)
+
+
+def of_height(height: np.ndarray, length: float) -> np.ndarray:
+    """Return red, green, blue, opacity (0 ... 1, float32) of heights above the clamp's mid-plane, shape (n, 4).
+
+    Dark blue hangs half the sheet's length below, teal is level with the clamp, yellow stands half a length
+    above: one scale for all times and all sheets.
+
+    Args:
+        height: Heights z in ldcs_base [m], shape (n,).
+        length: Length of the sheet along x [m].
+    """
+    share = np.asarray(height, dtype=np.float64) / length
+    colours = np.ones((len(share), 4), dtype=np.float32)
+    for channel in range(3):
+        colours[:, channel] = np.interp(share, _PLACES, _SCALE[:, channel])
+    return colours
