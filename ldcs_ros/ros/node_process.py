@@ -1,4 +1,4 @@
-"""The process around a plain node: signals, rclpy, spinning, exit status."""
+"""The process around a node: signals, rclpy, spinning, exit status."""
 
 from __future__ import annotations
 

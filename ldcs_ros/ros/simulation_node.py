@@ -35,9 +35,11 @@ class SimulationNode(LifecycleNode):
     """The node: builds a twin when configured, lets its time run while active.
 
     Attributes:
-        finished: Set when the duration is over.
-        problem: Why configuring failed, in one line.
+        finished: Set when the duration is over, or the node was shut down.
+        failure: Nothing ends this node in failure: trouble stops time, and is told.
     """
+
+    failure = ""
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
@@ -47,7 +49,7 @@ class SimulationNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._parameters_changed)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
-        self.problem = ""
+        self._problem: LdcsError | None = None
         self._transport = Transport(self)
         self._runner: Runner | None = None
         self._recorder: Recorder | None = None
@@ -57,18 +59,34 @@ class SimulationNode(LifecycleNode):
         self._triggers = Services(self, lambda: self._runner if self._is_active else None)
         self._is_active = False
 
+    @classmethod
+    def started(cls) -> SimulationNode:
+        """Return a node that is active, or unconfigured if its parameter `autostart` is false.
+
+        Raises:
+            LdcsError: It could not be configured.
+        """
+        node, done = cls(), TransitionCallbackReturn.SUCCESS
+        if node._value("autostart"):
+            if node.trigger_configure() is not done or node.trigger_activate() is not done:
+                node.stop()
+                node.destroy_node()
+                raise node._problem or LdcsError("the node could not be started")
+        return node
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the twin, join the graph and start recording."""
         try:
             self._start(self._build_twin())
         except LdcsError as error:
-            self.problem = str(error)
-            self.get_logger().error(self.problem)
+            self.get_logger().error(str(error))
+            self._problem = error
+            self.stop()
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # The lifecycle of rclpy would swallow it; a mistake of ours must be seen.
-            self.problem = f"the node could not be configured: {error!r}"
             self.get_logger().error(traceback.format_exc())
+            self._problem = LdcsError(f"the node could not be configured: {error!r}")
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
