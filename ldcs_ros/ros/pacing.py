@@ -8,6 +8,16 @@ from collections.abc import Callable
 
 AS_FAST_AS_POSSIBLE = -1.0
 _LONGEST_SLEEP = 0.05
+_LEAST_TOLERANCE = 0.02
+
+
+def tolerance(publish_rate: float, real_time_factor: float) -> float:
+    """Return the lateness that is not yet an overrun [s]: a publish period of wall time, and at least 20 ms.
+
+    A solver that takes few long steps is late by the time of one of them, and early again with the reports that it
+    has then computed in advance: at a high rate that is no loss of pace.
+    """
+    return max(1.0 / (publish_rate * abs(real_time_factor)), _LEAST_TOLERANCE)
 
 
 class Pacer:

@@ -19,7 +19,7 @@ from ldcs_ros.interface.watchdog import Watchdog
 from ldcs_ros.ros import parameters
 from ldcs_ros.ros.health import health, interface_states
 from ldcs_ros.ros.optional import installed, missing_line
-from ldcs_ros.ros.pacing import Pacer
+from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
 from ldcs_ros.ros.runner import NotNow, Periodic, Runner
 from ldcs_ros.ros.services import Services
@@ -173,7 +173,7 @@ class SimulationNode(LifecycleNode):
         factor, rate = self._value("real_time_factor"), self._value("publish_rate")
         runner = Runner(
             twin,
-            Pacer(factor, tolerance=1.0 / (rate * abs(factor))),
+            Pacer(factor, tolerance=tolerance(rate, factor)),
             duration=self._value("duration"),
             on_failure=self._tell_failure,
             on_finish=self.finished.set,
@@ -244,7 +244,7 @@ class SimulationNode(LifecycleNode):
             runner.duration = changed.get("duration", runner.duration)
             if "real_time_factor" in changed:
                 pacer.real_time_factor = changed["real_time_factor"]
-                pacer.tolerance = 1.0 / (runner.twin.publish_rate * abs(pacer.real_time_factor))
+                pacer.tolerance = tolerance(runner.twin.publish_rate, pacer.real_time_factor)
                 pacer.lift()
 
         runner.call(apply)
