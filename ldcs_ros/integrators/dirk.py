@@ -27,7 +27,6 @@ STEP_RATIO = 1.35
 ONSET_SHARE = 1e-3
 # Iterations of Newton's method where kept factors have failed.
 MOST_NEWTON = 15
-NO_ANGLES = np.zeros(0)
 # How long a free sheet goes on with a wrong momentum [s].
 COASTING = 1.0
 # Contraction rate to expect of fresh factors, until one is measured.
@@ -36,8 +35,6 @@ FRESH_RATE = 0.1
 MIDDLE = 0.5
 # Accelerations that the first guess of a stage is extrapolated from.
 GUESS_POINTS = 2
-# A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
-TURN = 0.02
 # An error h du in a rate counts as this share of it in a position: an oscillation's position error alone passes
 # through zero twice a period.
 RATE_SHARE = 0.25
@@ -109,8 +106,7 @@ class Dirk(Integrator):
             ratio = rate_step / kept.rate_step
             if 1 / STEP_RATIO <= ratio <= STEP_RATIO:
                 try:
-                    turned = self._system.turn(kept, *self._middle(motion, h), inputs)
-                    return self._stages(motion, inputs, h, tolerance, turned)
+                    return self._stages(motion, inputs, h, tolerance, kept)
                 except StepFailure:
                     self._past = past
         try:
@@ -129,7 +125,8 @@ class Dirk(Integrator):
         """Return time, coordinates and rates of a guess of the middle of the step."""
         free, ahead = self.model.free, MIDDLE * h
         q, u = motion.q.copy(), motion.u.copy()
-        q[free] += ahead * motion.u[free]
+        q[free] += ahead * (motion.u[free] + 0.5 * ahead * motion.a)
+        u[free] += ahead * motion.a
         self.model.prescribe(motion.time + ahead, q, u)
         return motion.time + ahead, q, u
 
@@ -137,7 +134,8 @@ class Dirk(Integrator):
         """Factor Newton's matrix in the middle of the step."""
         self.counters.factorisations += 1
         try:
-            factors = self._system.factor(*self._middle(motion, h), inputs, self.tableau.diagonal * h)
+            middle = self._middle(motion, h)
+            factors = self._system.factor(*middle, inputs, self.tableau.diagonal * h, turning=True)
         except np.linalg.LinAlgError as error:
             raise StepFailure(str(error)) from error
         self._factors, self._rate = factors, FRESH_RATE
@@ -169,10 +167,8 @@ class Dirk(Integrator):
             guess = _extrapolate(past[-GUESS_POINTS:], time)
             self.model.prescribe(time, q, u)
             place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
-            angles = factors.angles if factors is not None else NO_ANGLES
-            if factors is not None and angles.size and np.max(np.abs(q[-angles.size :] - angles)) > TURN:
-                factors = self._system.turn(factors, time, q, u, inputs)
             if factors is not None:
+                factors = self._system.turn(factors, time, q, u, inputs, rate_step)
                 a, rate = self._solve(stage, guess, q, u, inputs, factors)
             else:
                 a, rate = self._solve_exactly(stage, guess, q, u, inputs)
@@ -265,7 +261,8 @@ class Dirk(Integrator):
         for _ in range(MOST_NEWTON):
             residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
             try:
-                factors = self._system.factor(stage.time, q, u, inputs, stage.rate_step)
+                where = stage.time, q, u, inputs, stage.rate_step
+                factors = self._system.turn(self._system.factor(*where, turning=True), *where)
             except np.linalg.LinAlgError as error:
                 raise StepFailure(str(error)) from error
             change = factors.solve(residual)

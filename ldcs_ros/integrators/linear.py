@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import lapack
 
-from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turn_vectors
+from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
 
 # Number of free node coordinates from which factors are kept in single precision: 33 x 33 nodes and more.
 SINGLE_PRECISION_SIZE = 4000
+# A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
+TURN = 0.02
 
 
 @compiled
@@ -48,6 +50,8 @@ class Bordered:
 class Factors:
     """A factored matrix W = M - h C - h^2 K, with C = d(force)/du and K = d(force)/dq; `solve` applies W^-1.
 
+    What is kept is G^T W H, where the rotations G and H of the lattice's columns are the identity until `turned`.
+
     Attributes:
         rate_step: The h of the factored matrix [s].
         angles: Link angles at which border and corner were taken [rad], shape (n_angles,).
@@ -58,7 +62,7 @@ class Factors:
         self, order: np.ndarray, matrix: Bordered, rate_step: float, angles: np.ndarray, frames: np.ndarray
     ) -> None:
         self.rate_step, self.frames = rate_step, frames
-        self._turns: np.ndarray | None = None
+        self._turns: tuple[np.ndarray, np.ndarray] | None = None
         self._order, self._n = order, matrix.band.shape[1]
         single = matrix.band.dtype == np.float32
         factor = lapack.spbtrf if single else lapack.dpbtrf
@@ -71,38 +75,36 @@ class Factors:
     def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
         self._border, self.angles = border, angles
         if corner.size:
-            self._reach = np.stack([self._inverse(column) for column in border.T], axis=1)
+            self._reach = self._apply(self._band, border, lower=1)[0]
             self._corner = np.linalg.inv(corner - border.T @ self._reach)
 
-    def turned(
-        self, turns: np.ndarray | None, border: np.ndarray, corner: np.ndarray, angles: np.ndarray
-    ) -> Factors:
-        """Return factors whose nodes' part has turned with the sheet, with another border and corner."""
+    def bordered(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
+        """Return factors with another border and corner."""
         other = copy(self)
-        other._turns = turns
         other._set_border(border, corner, angles)
+        return other
+
+    def turned(self, left: np.ndarray, right: np.ndarray) -> Factors:
+        """Return factors with other rotations G and H, shape (n_columns, 3, 3) each."""
+        other = copy(self)
+        other._turns = left, right
         return other
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return W^-1 right for free coordinates, shape (n_free,)."""
         result = np.empty_like(right)
-        nodes = self._inverse(right[self._order])
+        nodes = right[self._order]
+        if self._turns is not None:
+            nodes = turned_vectors(self._turns[0], nodes, back=True)
+        nodes = self._apply(self._band, nodes, lower=1, overwrite_b=1)[0]
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
             result[self._n :] = angles
+        if self._turns is not None:
+            nodes = turned_vectors(self._turns[1], nodes, back=False)
         result[self._order] = nodes
         return result
-
-    def _inverse(self, nodes: np.ndarray) -> np.ndarray:
-        if self._turns is None:
-            solved: np.ndarray = self._apply(self._band, nodes, lower=1)[0]
-            return solved
-        local, result = np.empty((self._n // 3, 3)), np.empty((self._n // 3, 3))
-        turn_vectors(self._turns, nodes.reshape(-1, 3), True, local)
-        solved = self._apply(self._band, local.ravel(), lower=1, overwrite_b=1)[0]
-        turn_vectors(self._turns, solved.reshape(-1, 3), False, result)
-        return result.ravel()
 
 
 class LinearSystem:
@@ -142,7 +144,10 @@ class LinearSystem:
         self._arms_start = sum(len(term.entries()[0]) for term in before)
 
     def _whole_columns(self, model: Model) -> np.ndarray | None:
-        # The column of each free node in slab order; None where a node is free in some directions only.
+        # The column of each free node in slab order; None where forces do not turn with the sheet, or a node is free
+        # in some directions only.
+        if not model.turns:
+            return None
         node, axis = np.divmod(model.free[: model.n_free_nodes][self._order], 3)
         if len(node) % 3 or not np.array_equal(
             axis.reshape(-1, 3), np.broadcast_to([0, 1, 2], (len(node) // 3, 3))
@@ -158,17 +163,33 @@ class LinearSystem:
         return np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
 
     def factor(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
+        *,
+        turning: bool = False,
     ) -> Factors:
-        """Return the factored W at a motion; its exact Jacobian if that is definite, else the stable part.
+        """Return the factored W at a motion; of its exact Jacobian if that is definite, else of the stable part.
+
+        Args:
+            time: Simulation time [s].
+            q: Coordinates [m, rad].
+            u: Their rates.
+            inputs: What is commanded.
+            rate_step: The h of W [s].
+            turning: The factors go through `turn` before they are used.
 
         Raises:
             numpy.linalg.LinAlgError: Even the stable part is not positive definite or not finite.
         """
+        turning = turning and self._columns is not None
         try:
-            return self._assemble(time, q, u, inputs, rate_step, definite=False)
+            return self._assemble(time, q, u, inputs, rate_step, definite=False, turning=turning)
         except np.linalg.LinAlgError:
-            return self._assemble(time, q, u, inputs, rate_step, definite=True)
+            return self._assemble(time, q, u, inputs, rate_step, definite=True, turning=turning)
 
     def _assemble(
         self,
@@ -179,8 +200,9 @@ class LinearSystem:
         rate_step: float,
         *,
         definite: bool,
+        turning: bool,
     ) -> Factors:
-        by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite)
+        by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite, turning=turning)
         if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
             raise np.linalg.LinAlgError("the Jacobian is not finite")
         change = self._placed(-rate_step * (by_rate + rate_step * by_position))
@@ -189,26 +211,64 @@ class LinearSystem:
         return Factors(self._order, matrix, rate_step, self._angles(q), self._frames(q))
 
     def turn(
-        self, factors: Factors, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
+        self,
+        factors: Factors,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
     ) -> Factors:
         """Return kept factors turned to another motion: nearly new ones for the price of a few solves.
 
         A bent sheet is stiff along itself, so its matrix turns with it: G W0 G^T with a rotation G for each
-        column of nodes (stiffness warping, Mueller and others 2002). The arms' rows and columns are taken anew:
-        against stiff couplings a small turn of a crosspiece matters much.
+        column of nodes (stiffness warping, Mueller and others 2002). Its dampers ask for more. With q = q* + h u, the
+        force k dL n + c (n . v) n of a spring along n gives W the part h (c + h k) n (n + s dn/dt)^T where
+        s = h c / (c + h k): the force acts along the spring as it stands, but is changed by motion along the spring
+        as it will stand s later. So W = G W0 H^T is not symmetric, H being the frames of q + s u, while W0, taken of
+        a sheet at rest, is. With G on both sides an iteration against stiff springs and soft bending converges for
+        tiny turns only. The arms hold the sheet and turn with it, so their couplings are part of W0.
+
+        Args:
+            factors: From `factor` with `turning`.
+            time: Simulation time [s].
+            q: Coordinates [m, rad] to turn to.
+            u: Their rates.
+            inputs: What is commanded.
+            rate_step: The h of the stage that they will serve [s].
         """
-        model = self.model
-        turns = None
-        if self._columns is not None:
-            turns = np.empty((len(self._columns), 3, 3))
-            fill_turns(self._frames(q), factors.frames, self._columns, turns)
-        if model.arms is None or not model.n_free_angles:
-            empty = np.zeros((model.n_free_nodes, 0)), np.zeros((0, 0))
-            return factors.turned(turns, *empty, factors.angles)
+        if self._columns is None:
+            return (
+                self._bordered(factors, time, q, u, inputs, None) if self._has_turned(factors, q) else factors
+            )
+        tau = self.model.relaxation_time
+        ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
+        left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
+        fill_turns(self._frames(q), factors.frames, self._columns, left)
+        fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
+        if self._has_turned(factors, q):
+            factors = self._bordered(factors, time, q, np.zeros_like(u), inputs, left)
+        return factors.turned(left, right)
+
+    def _has_turned(self, factors: Factors, q: np.ndarray) -> bool:
+        return bool(np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN)
+
+    def _bordered(
+        self,
+        factors: Factors,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        left: np.ndarray | None,
+    ) -> Factors:
+        """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""
         h = factors.rate_step
-        by_position, by_rate = model.arms.jacobian(time, q, u, inputs, False)
+        by_position, by_rate = self.model.arms.jacobian(time, q, u, inputs, False)  # type: ignore[union-attr]
         border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
-        return factors.turned(turns, border, corner + self._inertia(q), self._angles(q))
+        if left is not None:
+            border = np.stack([turned_vectors(left, column, back=True) for column in border.T], axis=1)
+        return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
     def _placed(self, values: np.ndarray) -> Bordered:
         n = self.model.n_free_nodes

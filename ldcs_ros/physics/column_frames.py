@@ -54,14 +54,16 @@ def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def turn_vectors(turns, values, back, out):  # type: ignore[no-untyped-def]
-    """Write turns[k] values[k] (or with `back` its transpose) for every k, shapes (n, 3, 3) and (n, 3)."""
-    for k in range(len(values)):
+def turned_vectors(turns, values, back):  # type: ignore[no-untyped-def]
+    """Return turns[k] v_k (or with `back` its transpose) for every k, shapes (n, 3, 3) and (3 n,)."""
+    out = np.empty(values.size)
+    for k in range(len(turns)):
         for r in range(3):
             total = 0.0
             for t in range(3):
-                total += (turns[k, t, r] if back else turns[k, r, t]) * values[k, t]
-            out[k, r] = total
+                total += (turns[k, t, r] if back else turns[k, r, t]) * values[3 * k + t]
+            out[3 * k + r] = total
+    return out
 
 
 @compiled

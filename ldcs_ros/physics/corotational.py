@@ -187,6 +187,7 @@ class CorotationalTerm(Term):
     """Stars of all nodes in compressed rows: star i has the springs start[i] ... start[i + 1]."""
 
     name = "springs"
+    turns = True
 
     def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
         self.n = lattice.n_nodes

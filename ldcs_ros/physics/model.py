@@ -67,6 +67,8 @@ class Model:
             terms[index] = self.effects[index].bind(assembly)
             assembly.node_mass = assembly.node_mass + terms[index].added_mass()
         self.terms = tuple(terms[index] for index in range(len(self.effects)))
+        self.turns = any(term.turns for term in self.terms if term.name == "springs")
+        self.relaxation_time = max((term.relaxation_time for term in self.terms), default=0.0)
         self.arms = next((term for term in self.terms if term.name == "arms"), None)
         self.wrench = next((term for term in self.terms if term.name == "wrench"), None)
         self.node_mass = assembly.node_mass
@@ -163,10 +165,28 @@ class Model:
         return place[rows], place[columns]
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, *, definite: bool
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        *,
+        definite: bool,
+        turning: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values of d(force)/dq and d(force)/du at `entries`; with definite, of their stable part."""
-        values = [term.jacobian(time, q, u, inputs, definite) for term in self.terms]
+        """Return the values of d(force)/dq and d(force)/du at `entries`.
+
+        Args:
+            time: Simulation time [s].
+            q: Coordinates [m, rad].
+            u: Their rates.
+            inputs: What is commanded.
+            definite: Of the stable part only.
+            turning: Of what turns with the sheet as if it stood still: symmetric. `LinearSystem.turn` puts back what
+                its turning does.
+        """
+        still = np.zeros_like(u) if turning else u
+        values = [term.jacobian(time, q, still if term.turns else u, inputs, definite) for term in self.terms]
         return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
 
     def potential_energy(self, time: float, q: np.ndarray) -> float:

@@ -188,6 +188,7 @@ class ArmsTerm(Term):
     """The two chains and their couplings; coordinates are the absolute link angles, left arm first."""
 
     name = Arms.name
+    turns = True
 
     def __init__(self, assembly: Assembly, arms: Arms) -> None:
         lattice = assembly.lattice

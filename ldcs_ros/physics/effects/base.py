@@ -77,6 +77,10 @@ class Term:
     has_energy: bool = True
     # Displacement over which its Jacobian changes altogether, as where contact sets in [m].
     onset: float = float("inf")
+    # Its forces turn with the sheet.
+    turns: bool = False
+    # Its dampers' coefficient over its stiffness, where it has just one [s].
+    relaxation_time: float = 0.0
 
     def added_mass(self) -> np.ndarray | float:
         """Return what the effect adds to the nodes' masses [kg], shape (n_nodes,) or 0."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -53,14 +54,20 @@ class Springs(Effect):
             raise ValueError(f"springs: a material goes with law: axial, got {self.law!r}; drop one of them")
         if self.law == "axial":
             if material is None:
-                return AxialTerm(lattice, self.stiffness, self.damping)
-            stiffness = material.stiffness(lattice)
-            return AxialTerm(lattice, stiffness, material.relaxation_time * stiffness)
+                return self._relaxing(AxialTerm(lattice, self.stiffness, self.damping))
+            stiffness, relaxation_time = material.stiffness(lattice), material.relaxation_time
+            term = AxialTerm(lattice, stiffness, relaxation_time * stiffness)
+            term.relaxation_time = relaxation_time
+            return term
         if self.law == "axiswise":
             return AxiswiseTerm(lattice, self.stiffness, self.damping)
         from ldcs_ros.physics.corotational import CorotationalTerm
 
-        return CorotationalTerm(lattice, self.stiffness, self.damping)
+        return self._relaxing(CorotationalTerm(lattice, self.stiffness, self.damping))
+
+    def _relaxing(self, term: Term) -> Term:
+        term.relaxation_time = self.damping / self.stiffness if self.stiffness > 0.0 else math.inf
+        return term
 
 
 class SpringTerm(Term):
@@ -90,6 +97,8 @@ class SpringTerm(Term):
 
 class AxialTerm(SpringTerm):
     """f = T n on a and -T n on b, with T = k (L - L0) + c n . (v_b - v_a)."""
+
+    turns = True
 
     def __init__(self, lattice: Lattice, stiffness: float | np.ndarray, damping: float | np.ndarray) -> None:
         super().__init__(lattice, stiffness, damping)
