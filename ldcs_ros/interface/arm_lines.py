@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.interface import colours
-from ldcs_ros.interface.marker import LINE_STRIP, SPHERE_LIST, marker_array
-from ldcs_ros.interface.topics import BASE_FRAME
+from ldcs_ros.interface.marker import LINE_STRIP, SPHERE_LIST, Figure
 from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
 from ldcs_ros.physics.effects.base import Assembly
 from ldcs_ros.physics.lattice import Lattice
@@ -20,7 +19,7 @@ _JOINT = 1.6  # diameter of a joint, likewise
 
 
 class ArmLines:
-    """Builds `arms`: for each arm a line along its links and a ball at each joint.
+    """What is drawn of the arms: for each arm a line along its links and a ball at each joint.
 
     Args:
         lattice: The lattice.
@@ -56,30 +55,16 @@ class ArmLines:
                 drawn[name] = np.insert(plane, 1, across, axis=1)
         return drawn
 
-    def build(
-        self, time_ns: int, position: np.ndarray, link_angle: np.ndarray, frame: str = BASE_FRAME
-    ) -> bytes:
-        """Return the message for what `lines` takes."""
-        return marker_array(time_ns, frame, self._markers(self.lines(position, link_angle)))
-
-    def _markers(self, lines: dict[str, np.ndarray]) -> Iterable[dict[str, Any]]:
-        for name, points in lines.items():
-            yield {
-                "namespace": name,
-                "kind": LINE_STRIP,
-                "scale": (_WIDTH * self._thickness, 0.0, 0.0),
-                "colour": colours.ARM,
-                "points": points,
-            }
+    def figures(self, position: np.ndarray, link_angle: np.ndarray) -> list[Figure]:
+        """Return what is drawn for what `lines` takes."""
+        width, size = _WIDTH * self._thickness, _JOINT * self._thickness
+        drawn = []
+        for name, points in self.lines(position, link_angle).items():
+            drawn.append(Figure(name, LINE_STRIP, (width, 0.0, 0.0), colours.ARM, points=points))
             if name in ARM_NAMES:
-                size = _JOINT * self._thickness
-                yield {
-                    "namespace": f"{name}/joints",
-                    "kind": SPHERE_LIST,
-                    "scale": (size, size, size),
-                    "colour": colours.JOINT,
-                    "points": points[:-1],
-                }
+                scale = (size, size, size)
+                drawn.append(Figure(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1]))
+        return drawn
 
 
 def _middle(lattice: Lattice, edge: str) -> np.ndarray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+Colour = tuple[float, float, float, float]
+
 # Six colours of viridis, told apart by colour-blind readers; its own ends are the ends of the scale.
 _SCALE = (
     np.array(
@@ -14,14 +16,14 @@ _SCALE = (
 )
 _PLACES = np.linspace(-0.5, 0.5, len(_SCALE))
 
-ARM = (0.13, 0.13, 0.15, 1.0)
-JOINT = (0.95, 0.95, 0.95, 1.0)
-FORCE = (0.80, 0.15, 0.15, 1.0)
-TORQUE = (0.60, 0.20, 0.65, 1.0)
-PAYLOAD = (0.35, 0.37, 0.42, 1.0)
-TEXT = (0.75, 0.10, 0.10, 1.0)
+ARM: Colour = (0.13, 0.13, 0.15, 1.0)
+JOINT: Colour = (0.95, 0.95, 0.95, 1.0)
+FORCE: Colour = (0.80, 0.15, 0.15, 1.0)
+TORQUE: Colour = (0.60, 0.20, 0.65, 1.0)
+PAYLOAD: Colour = (0.35, 0.37, 0.42, 1.0)
+TEXT: Colour = (0.75, 0.10, 0.10, 1.0)
 # Okabe and Ito's palette, in the order of the points.
-POINTS = (
+_POINTS: tuple[Colour, ...] = (
     (0.90, 0.62, 0.00, 1.0),
     (0.84, 0.37, 0.00, 1.0),
     (0.34, 0.71, 0.91, 1.0),
@@ -45,3 +47,8 @@ def of_height(height: np.ndarray, length: float) -> np.ndarray:
     for channel in range(3):
         colours[:, channel] = np.interp(share, _PLACES, _SCALE[:, channel])
     return colours
+
+
+def of_point(number: int) -> Colour:
+    """Return the colour of a named point, by its place in the alphabet."""
+    return _POINTS[number % len(_POINTS)]

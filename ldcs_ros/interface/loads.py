@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ldcs_ros.interface import colours
-from ldcs_ros.interface.marker import ARROW, SPHERE, TEXT, Colour, marker_array
-from ldcs_ros.interface.topics import BASE_FRAME
+from ldcs_ros.interface.colours import Colour
+from ldcs_ros.interface.marker import ARROW, SPHERE, TEXT, Figure
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point, point_at
 
@@ -94,20 +94,20 @@ def wrench_loads(
     loads = []
     for frame, wrench in wrenches.items():
         place, orientation = point_at(lattice, frame.removesuffix("_aligned"), points).pose(position)
-        turned = [np.asarray(vector, dtype=float) for vector in (wrench.force, wrench.torque)]
+        force, torque = (np.asarray(vector, dtype=float) for vector in (wrench.force, wrench.torque))
         if not frame.endswith("_aligned"):
-            turned = [rotate(orientation, vector) for vector in turned]
-        loads.append(Load(frame, place, *turned))
+            force, torque = rotate(orientation, force), rotate(orientation, torque)
+        loads.append(Load(frame, place, force, torque))
     return loads
 
 
-def load_arrows(time_ns: int, loads: Iterable[Load], frame: str = BASE_FRAME) -> bytes:
-    """Return `loads`: a MarkerArray that replaces what was shown.
+def load_figures(loads: Iterable[Load]) -> list[Figure]:
+    """Return what is drawn of loads.
 
     A force is an arrow of 0.1 m a newton, a torque one of 1 m a newton metre along its axis, both with the
     size written beside them; a mass is a steel ball of that weight.
     """
-    return marker_array(time_ns, frame, (part for load in loads for part in _drawn(load)))
+    return [figure for load in loads for figure in _drawn(load)]
 
 
 def rotate(quaternion: np.ndarray, vector: Iterable[float]) -> np.ndarray:
@@ -118,18 +118,12 @@ def rotate(quaternion: np.ndarray, vector: Iterable[float]) -> np.ndarray:
     return vector + 2.0 * (scalar * across + np.cross(axis, across))
 
 
-def _drawn(load: Load) -> Iterable[dict[str, Any]]:
+def _drawn(load: Load) -> Iterator[Figure]:
     force, torque = float(np.linalg.norm(load.force)), float(np.linalg.norm(load.torque))
     label = []
     if load.mass > 0.0:
         size = 2.0 * (0.75 * load.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
-        yield {
-            "namespace": load.name,
-            "kind": SPHERE,
-            "scale": (size, size, size),
-            "colour": colours.PAYLOAD,
-            "position": load.position,
-        }
+        yield Figure(load.name, SPHERE, (size, size, size), colours.PAYLOAD, position=load.position)
         label.append(f"{1e3 * load.mass:.3g} g")
     if force > _SMALLEST:
         yield _arrow(load.name, load.position, METRES_A_NEWTON * load.force, colours.FORCE)
@@ -139,21 +133,11 @@ def _drawn(load: Load) -> Iterable[dict[str, Any]]:
         yield _arrow(name, load.position, METRES_A_NEWTON_METRE * load.torque, colours.TORQUE)
         label.append(f"{torque:.3g} N m")
     if label:
-        yield {
-            "namespace": f"{load.name}/label",
-            "kind": TEXT,
-            "scale": (0.0, 0.0, _TEXT_HEIGHT),
-            "colour": colours.TEXT,
-            "position": load.position + np.array([0.0, 0.0, _TEXT_LIFT]),
-            "text": ", ".join(label),
-        }
+        place = load.position + np.array([0.0, 0.0, _TEXT_LIFT])
+        size_of_text = (0.0, 0.0, _TEXT_HEIGHT)
+        name = f"{load.name}/label"
+        yield Figure(name, TEXT, size_of_text, colours.TEXT, position=place, text=", ".join(label))
 
 
-def _arrow(name: str, start: np.ndarray, reach: np.ndarray, colour: Colour) -> dict[str, Any]:
-    return {
-        "namespace": name,
-        "kind": ARROW,
-        "scale": (_SHAFT, _HEAD, _HEAD_LENGTH),
-        "colour": colour,
-        "points": (start, start + reach),
-    }
+def _arrow(name: str, start: np.ndarray, reach: np.ndarray, colour: Colour) -> Figure:
+    return Figure(name, ARROW, (_SHAFT, _HEAD, _HEAD_LENGTH), colour, points=(start, start + reach))

@@ -2,99 +2,114 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ldcs_ros.interface.cdr import encode, header, message_class
+from ldcs_ros.interface.colours import Colour
 
 ARROW, SPHERE, LINE_STRIP, SPHERE_LIST, TEXT, TRIANGLE_LIST = 0, 2, 4, 7, 9, 11
 ADD, DELETE_ALL = 0, 3
 
-Colour = tuple[float, float, float, float]
-_IDENTITY = (0.0, 0.0, 0.0, 1.0)
-_NO_COLOUR: Colour = (0.0, 0.0, 0.0, 0.0)
+
+@dataclass(frozen=True)
+class Figure:
+    """What a marker shows, apart from header, number and action; it is not turned.
+
+    Attributes:
+        namespace: Group that viewers list it under.
+        kind: ARROW, SPHERE, LINE_STRIP and so on.
+        scale: Sizes [m]; what they mean depends on the kind.
+        colour: Red, green, blue, opacity, 0 ... 1.
+        position: Where its own origin is [m], shape (3,).
+        points: Points of the kinds that have some [m], shape (n, 3).
+        text: What a text says.
+    """
+
+    namespace: str
+    kind: int
+    scale: tuple[float, float, float]
+    colour: Colour
+    position: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    points: Sequence[Any] | np.ndarray = ()
+    text: str = ""
+
+
+_NOTHING = Figure("", ARROW, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def marker(
-    head: Any,
-    *,
-    namespace: str,
-    number: int,
-    kind: int,
-    scale: tuple[float, float, float],
-    colour: Colour,
-    position: Iterable[float] = (0.0, 0.0, 0.0),
-    points: Iterable[Iterable[float]] = (),
-    colours: list[Any] | None = None,
-    text: str = "",
-    action: int = ADD,
+    head: Any, figure: Figure, *, number: int = 0, colours: Iterable[Any] = (), action: int = ADD
 ) -> Any:
-    """Return a visualization_msgs/Marker that is not turned.
+    """Return a visualization_msgs/Marker.
 
     Args:
         head: Its std_msgs/Header.
-        namespace: Group that viewers list it under.
-        number: Its number in that group.
-        kind: What is drawn.
-        scale: Sizes [m]; what they mean depends on the kind.
-        colour: Red, green, blue, opacity.
-        position: Where its own origin is [m].
-        points: Points of the kinds that have some [m], shape (n, 3).
-        colours: std_msgs/ColorRGBA of each point; None for the marker's own.
-        text: What a text says.
+        figure: What it shows.
+        number: Its number in its namespace.
+        colours: std_msgs/ColorRGBA of each point; none for the figure's own.
         action: Add, or delete what was there.
     """
-    x, y, z, w = _IDENTITY
-    pose = message_class("geometry_msgs/msg/Pose")(
-        position=point(position),
-        orientation=message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w),
-    )
     nothing = np.zeros(0, dtype=np.uint8)
+    x, y, z = figure.scale
     return message_class("visualization_msgs/msg/Marker")(
         header=head,
-        ns=namespace,
+        ns=figure.namespace,
         id=number,
-        type=kind,
+        type=figure.kind,
         action=action,
-        pose=pose,
-        scale=message_class("geometry_msgs/msg/Vector3")(x=scale[0], y=scale[1], z=scale[2]),
-        color=rgba(colour),
+        pose=message_class("geometry_msgs/msg/Pose")(
+            position=point(figure.position),
+            orientation=message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=0.0, w=1.0),
+        ),
+        scale=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
+        color=rgba(figure.colour),
         lifetime=message_class("builtin_interfaces/msg/Duration")(sec=0, nanosec=0),
         frame_locked=False,
-        points=[point(one) for one in points],
-        colors=colours or [],
+        points=[point(one) for one in figure.points],
+        colors=list(colours),
         texture_resource="",
         texture=message_class("sensor_msgs/msg/CompressedImage")(header=head, format="", data=nothing),
         uv_coordinates=[],
-        text=text,
+        text=figure.text,
         mesh_resource="",
         mesh_file=message_class("visualization_msgs/msg/MeshFile")(filename="", data=nothing),
         mesh_use_embedded_materials=False,
     )
 
 
-def marker_array(time_ns: int, frame: str, markers: Iterable[dict[str, Any]]) -> bytes:
+def marker_array(time_ns: int, frame: str, figures: Iterable[Figure]) -> bytes:
     """Return a MarkerArray that replaces what its topic showed before.
 
     Args:
         time_ns: Its stamp [ns].
         frame: Frame that all are in.
-        markers: Arguments of `marker` for each one, without header and number.
+        figures: What it shows.
     """
     head = header(time_ns, frame)
-    clear = marker(
-        head,
-        namespace="",
-        number=0,
-        kind=ARROW,
-        scale=(0.0, 0.0, 0.0),
-        colour=_NO_COLOUR,
-        action=DELETE_ALL,
-    )
-    shown = [marker(head, number=number, **one) for number, one in enumerate(markers)]
+    clear = marker(head, _NOTHING, action=DELETE_ALL)
+    shown = [marker(head, figure, number=number) for number, figure in enumerate(figures)]
     return encode(message_class("visualization_msgs/msg/MarkerArray")(markers=[clear, *shown]))
+
+
+def figures_of(message: Any) -> list[Figure]:
+    """Return what a MarkerArray adds; the opposite of `marker_array`."""
+    return [
+        Figure(
+            one.ns,
+            one.type,
+            (one.scale.x, one.scale.y, one.scale.z),
+            (one.color.r, one.color.g, one.color.b, one.color.a),
+            (one.pose.position.x, one.pose.position.y, one.pose.position.z),
+            [(place.x, place.y, place.z) for place in one.points],
+            one.text,
+        )
+        for one in message.markers
+        if one.action == ADD
+    ]
 
 
 def point(place: Iterable[float]) -> Any:

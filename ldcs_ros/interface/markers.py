@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.interface.arm_lines import ArmLines
-from ldcs_ros.interface.loads import StandingLoad, load_arrows, standing_loads, wrench_loads
+from ldcs_ros.interface.loads import StandingLoad, load_figures, standing_loads, wrench_loads
+from ldcs_ros.interface.marker import Figure, marker_array
 from ldcs_ros.interface.surface import SurfaceMesh
 from ldcs_ros.interface.topics import BASE_FRAME
 from ldcs_ros.interface.traces import Traces
@@ -54,18 +55,21 @@ class Markers:
         """Return the message of one of MARKER_TOPICS."""
         if topic == "surface":
             return self._surface.build(time_ns, shown.position)
+        return marker_array(time_ns, self._frame, self.figures(topic, shown))
+
+    def figures(self, topic: str, shown: Shown) -> list[Figure]:
+        """Return what one of MARKER_TOPICS shows, except the surface."""
         if topic == "arms":
-            return self.arm_lines.build(time_ns, shown.position, shown.link_angle, self._frame)
+            return self._arms.figures(shown.position, shown.link_angle)
         if topic == "loads":
             standing = [load.at(shown.position) for load in self._standing]
             scene = self._scene
             held = wrench_loads(scene.lattice, scene.points, shown.wrenches, shown.position)
-            return load_arrows(time_ns, [*standing, *held], self._frame)
-        return self._traces.build(time_ns, self._frame)
+            return load_figures([*standing, *held])
+        return self._traces.figures()
 
     @cached_property
-    def arm_lines(self) -> ArmLines:
-        """Where the arms are."""
+    def _arms(self) -> ArmLines:
         return ArmLines(self._scene.lattice, self._scene.points, self._scene.effects)
 
     @cached_property

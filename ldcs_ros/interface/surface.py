@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.interface.cdr import PatchedMessage, header, message_class, sentinel
 from ldcs_ros.interface.colours import of_height
-from ldcs_ros.interface.marker import TRIANGLE_LIST, marker, rgba
+from ldcs_ros.interface.marker import TRIANGLE_LIST, Figure, marker, rgba
 from ldcs_ros.interface.topics import BASE_FRAME
 
 CLOUD_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
@@ -101,14 +101,6 @@ def _grid(index: np.ndarray) -> np.ndarray:
 def _mesh_marker(n_corners: int, frame: str) -> Any:
     corners = sentinel(n_corners * _POINT_BYTES).view("<f8").reshape(n_corners, 3)
     colours = sentinel(n_corners * _COLOUR_BYTES).view("<f4").reshape(n_corners, 4)
-    return marker(
-        header(0, frame),
-        namespace="surface",
-        number=0,
-        kind=TRIANGLE_LIST,
-        scale=(1.0, 1.0, 1.0),
-        # Viewers that know no colours by corner take this one.
-        colour=_COLOUR,
-        points=corners.tolist(),
-        colours=[rgba(colour) for colour in colours.tolist()],
-    )
+    # Viewers that know no colours by corner take the figure's own.
+    figure = Figure("surface", TRIANGLE_LIST, (1.0, 1.0, 1.0), _COLOUR, points=corners.tolist())
+    return marker(header(0, frame), figure, colours=[rgba(colour) for colour in colours.tolist()])

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ldcs_ros.interface import colours
-from ldcs_ros.interface.marker import LINE_STRIP, marker_array
-from ldcs_ros.interface.topics import BASE_FRAME
+from ldcs_ros.interface.marker import LINE_STRIP, Figure
 
 STEP = 2.5e-4  # m between two points of a trace
 LENGTH = 1000  # points of a trace
@@ -17,7 +16,7 @@ _WIDTH = 0.0015  # m
 
 
 class Traces:
-    """Follows points and builds `traces`: a line for each, of its last 1000 places that are 0.25 mm apart.
+    """Follows points and draws a line for each, of its last 1000 places that are 0.25 mm apart.
 
     A point at rest keeps its trace. When time goes back, the traces begin anew.
     """
@@ -36,21 +35,11 @@ class Traces:
             if not trace or abs(trace[-1] - place).max() >= STEP:
                 trace.append(place)
 
-    def build(self, time_ns: int, frame: str = BASE_FRAME) -> bytes:
-        """Return the message."""
-        return marker_array(
-            time_ns,
-            frame,
-            (
-                {
-                    "namespace": name,
-                    "kind": LINE_STRIP,
-                    "scale": (_WIDTH, 0.0, 0.0),
-                    "colour": colours.POINTS[number % len(colours.POINTS)],
-                    "points": trace,
-                }
-                for number, (name, trace) in enumerate(sorted(self._places.items()))
-                # Viewers complain about a line of one point.
-                if len(trace) > 1
-            ),
-        )
+    def figures(self) -> list[Figure]:
+        """Return a line for each point that has moved."""
+        return [
+            Figure(name, LINE_STRIP, (_WIDTH, 0.0, 0.0), colours.of_point(number), points=list(trace))
+            for number, (name, trace) in enumerate(sorted(self._places.items()))
+            # Viewers complain about a line of one point.
+            if len(trace) > 1
+        ]

@@ -129,16 +129,16 @@ def test_a_trace_grows_while_its_point_moves_and_stays_while_it_rests():
     traces = Traces()
     for k in range(10):
         traces.follow(k, {"P1": np.array([0.0, 0.0, STEP * min(k, 4)])})
-    (line,) = decode(TOPICS["traces"].type, traces.build(9)).markers[1:]
-    assert (line.ns, line.type) == ("P1", LINE_STRIP)
-    assert ends(line)[:, 2] == pytest.approx(STEP * np.arange(5))
+    (line,) = traces.figures()
+    assert (line.namespace, line.kind) == ("P1", LINE_STRIP)
+    assert np.array(line.points)[:, 2] == pytest.approx(STEP * np.arange(5))
 
 
 def test_a_trace_is_bounded_and_begins_anew_when_time_goes_back():
     traces = Traces()
     for k in range(2 * LENGTH):
         traces.follow(k, {"P1": np.array([STEP * k, 0.0, 0.0])})
-    (line,) = decode(TOPICS["traces"].type, traces.build(0)).markers[1:]
+    (line,) = traces.figures()
     assert len(line.points) == LENGTH
     traces.follow(0, {"P1": np.zeros(3)})
-    assert decode(TOPICS["traces"].type, traces.build(0)).markers[1:] == []
+    assert traces.figures() == []

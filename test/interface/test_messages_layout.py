@@ -8,7 +8,8 @@ import pytest
 from ldcs_ros.interface import messages
 from ldcs_ros.interface.cdr import PatchedMessage, decode, header, message_class, sentinel
 from ldcs_ros.interface.diagnostics import ERROR, Status, diagnostic_array
-from ldcs_ros.interface.loads import Load, load_arrows, rotate
+from ldcs_ros.interface.loads import Load, load_figures, rotate
+from ldcs_ros.interface.marker import figures_of, marker_array
 from ldcs_ros.interface.surface import NodeCloud, SurfaceMesh, triangles
 from ldcs_ros.interface.topics import TOPICS, expand
 from ldcs_ros.sensors import Measurement
@@ -56,10 +57,13 @@ def test_the_mesh_marker_holds_the_corners_in_full_precision():
 
 def test_load_arrows_replace_what_was_shown():
     load = Load("P1", np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, -0.4]))
-    markers = decode("visualization_msgs/msg/MarkerArray", load_arrows(0, [load])).markers
+    figures = load_figures([load])
+    message = decode("visualization_msgs/msg/MarkerArray", marker_array(0, "ldcs_base", figures))
+    markers = message.markers
     assert [one.action for one in markers] == [3, 0, 0]
     assert markers[1].points[1].z == pytest.approx(3.0 - 0.04)
     assert markers[2].text == "0.4 N"
+    assert [one.namespace for one in figures_of(message)] == [one.namespace for one in figures]
 
 
 def test_rotating_by_a_quarter_turn_about_z_takes_x_to_y():
