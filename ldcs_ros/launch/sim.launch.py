@@ -1,38 +1,27 @@
-"""Launch the live twin: `ros2 launch ldcs_ros sim.launch.py scene:=rig record:=out/rig namespace:=/left`."""
+"""The live twin: `ros2 launch ldcs_ros sim.launch.py scene:=rig real_time_factor:=2.0 namespace:=/left`."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
-ARGUMENTS = {
-    "scene": ("paper", str, "shipped scene or path of a scene file"),
-    "real_time_factor": ("1.0", float, "simulated seconds a second; -1.0 for as fast as possible"),
-    "duration": ("0.0", float, "simulation time at which the node ends [s]; 0.0 for never"),
-    "record": ("", str, "folder of a new bag; empty for none"),
-    "publish_clock": ("false", bool, "publish simulation time on /clock"),
-}
+from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.parameters import PARAMETERS
 
 
 def generate_launch_description() -> LaunchDescription:
-    """One node; every argument is a parameter of it, except the namespace."""
-    declared = [
-        DeclareLaunchArgument(name, default_value=default, description=meaning)
-        for name, (default, _, meaning) in ARGUMENTS.items()
-    ]
-    declared.append(
-        DeclareLaunchArgument("namespace", default_value="/ldcs", description="namespace of the twin")
+    """One node; each of its parameters is an argument."""
+    return LaunchDescription(
+        [
+            argument("namespace", NAMESPACE, "Namespace of the twin."),
+            argument(
+                "params_file", "", "Parameter file (YAML), such as config/sim.yaml; arguments come before it."
+            ),
+            *parameter_arguments(PARAMETERS.values()),
+            OpaqueFunction(function=_twin),
+        ]
     )
-    values = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-        for name, (_, kind, _) in ARGUMENTS.items()
-    }
-    node = Node(
-        package="ldcs_ros",
-        executable="sim",
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[values],
-        output="screen",
-    )
-    return LaunchDescription([*declared, node])
+
+
+def _twin(context):
+    values = given_parameters(context, PARAMETERS.values())
+    return [node(context, "sim", values, file="params_file", namespace=LaunchConfiguration("namespace"))]

@@ -1,0 +1,40 @@
+"""The live twin, recorded: `ros2 launch ldcs_ros record.launch.py scene:=rig record:=out/rig graph:=out/rig_graph`."""
+
+import time
+
+from launch import LaunchDescription
+from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+
+from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.parameters import PARAMETERS
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The twin records itself, message by message as sent; `graph` adds rosbag2 for what other nodes publish."""
+    defaults = {"record": time.strftime("out/%Y%m%d-%H%M%S")}
+    return LaunchDescription(
+        [
+            argument("namespace", NAMESPACE, "Namespace of the twin."),
+            argument(
+                "params_file", "", "Parameter file (YAML), such as config/sim.yaml; arguments come before it."
+            ),
+            argument(
+                "graph",
+                "",
+                "Folder of a second bag, by rosbag2, of every topic in the graph; empty for none.",
+            ),
+            *parameter_arguments(PARAMETERS.values(), defaults),
+            OpaqueFunction(function=_twin_and_recorder),
+        ]
+    )
+
+
+def _twin_and_recorder(context):
+    values = given_parameters(context, PARAMETERS.values())
+    twin = node(context, "sim", values, file="params_file", namespace=LaunchConfiguration("namespace"))
+    folder = context.launch_configurations["graph"]
+    if not folder:
+        return [twin]
+    command = ["ros2", "bag", "record", "--all", "--storage", "mcap", "--output", folder]
+    return [ExecuteProcess(cmd=command, output="screen"), twin]

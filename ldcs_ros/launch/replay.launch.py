@@ -1,0 +1,83 @@
+"""A bag again, exactly or on a live twin: `ros2 launch ldcs_ros replay.launch.py bag:=out/paper live:=true`."""
+
+import tempfile
+import time
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+)
+from launch.event_handlers import OnProcessIO
+from launch_ros.substitutions import ExecutableInPackage
+
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.recording import read_bag
+from ldcs_ros.replay.description import RunDescription, describe
+from ldcs_ros.ros.launching import PACKAGE, argument, node
+from ldcs_ros.ros.runner import Mode
+
+# The player starts when the twin's time has run for two seconds, and takes a moment.
+LEAD = 3.0
+
+
+def generate_launch_description() -> LaunchDescription:
+    """`ldcs replay` on the bag, to the same bytes; or its commands by `ros2 bag play` to a twin of the same scene."""
+    output = time.strftime("out/replay-%Y%m%d-%H%M%S")
+    live = "true: `ros2 bag play` commands a live twin; false: `ldcs replay`, exact and as fast as possible."
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("bag", description="Folder of a bag that a twin recorded; must be given."),
+            DeclareLaunchArgument("live", default_value="false", choices=["true", "false"], description=live),
+            argument("output", output, "Folder of the new bag."),
+            OpaqueFunction(function=_replay),
+        ]
+    )
+
+
+def _replay(context):
+    given = context.launch_configurations
+    if given["live"] == "false":
+        command = [ExecutableInPackage("ldcs", PACKAGE), "replay", given["bag"], "--bag", given["output"]]
+        return [ExecuteProcess(cmd=command, output="screen")]
+    recording = read_bag(given["bag"])
+    run = describe(recording)
+    if run is None:
+        raise RecordingError(f"{given['bag']} is no bag of a twin; expected one that ldcs recorded")
+    commands = [f"{run.namespace}/{name}" for name, topic in TOPICS.items() if topic.direction == "in"]
+    held = [name for name in commands if name in recording.channels and len(recording.channels[name].times)]
+    if not held:
+        raise RecordingError(f"{given['bag']} holds no commands; expected messages on one of {commands}")
+    values = {**_parameters(run), "record": given["output"], "duration": recording.end / 1e9 + LEAD}
+    twin = node(context, "sim", values, namespace=run.namespace)
+    player = ["ros2", "bag", "play", given["bag"], "--topics", *held]
+    players = [ExecuteProcess(cmd=player, output="screen")]
+
+    def play(event):
+        # The twin's first line about its time; before, it compiles, and would miss the first commands.
+        return players.pop() if players and Mode.RUNNING.value.encode() in event.text else None
+
+    settled = (
+        [LogInfo(msg="The bag began at rest; this twin begins at the start of the scene.")]
+        if run.settled
+        else []
+    )
+    return [*settled, RegisterEventHandler(OnProcessIO(target_action=twin, on_stderr=play)), twin]
+
+
+def _parameters(run: RunDescription) -> dict:
+    scene = Path(tempfile.mkdtemp(prefix="ldcs_replay_"), f"{run.scene.name}.yaml")
+    scene.write_text(run.scene.text, encoding="utf-8")
+    return {
+        "scene": str(scene),
+        "seed": -1 if run.seed is None else run.seed,
+        "accuracy": run.accuracy or 0.0,
+        "publish_rate": run.publish_rate,
+        "tracker_rate": run.tracker_rate or 0.0,
+        "ambient_pressure": run.ambient_pressure,
+    }

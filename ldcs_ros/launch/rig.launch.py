@@ -1,0 +1,57 @@
+"""A rig, or its stand-in, and the twin beside it: `ros2 launch ldcs_ros rig.launch.py mode:=mirror`."""
+
+import tempfile
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessIO
+
+from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
+
+# Both nodes have a scene: the rig's is the twin's, with something hidden in it.
+RIG = [one for one in MOCK_RIG_PARAMETERS.values() if one.name not in ("scene", "rig_file")]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The bridge with its twin on `rig`; without one, a stand-in rig first, and the bridge once it can be reached."""
+    return LaunchDescription(
+        [
+            argument("namespace", NAMESPACE, "Namespace of the bridge and the twin in it."),
+            argument("params_file", "", "Parameter file of the bridge, such as config/bridge.yaml."),
+            argument(
+                "rig_params_file", "", "Parameter file of the stand-in rig, such as config/mock_rig.yaml."
+            ),
+            *parameter_arguments(BRIDGE_PARAMETERS.values()),
+            *parameter_arguments(RIG),
+            OpaqueFunction(function=_rig_and_bridge),
+        ]
+    )
+
+
+def _rig_and_bridge(context):
+    given = context.launch_configurations
+    values = given_parameters(context, BRIDGE_PARAMETERS.values())
+    if given["rig"]:
+        return [_bridge(context, values)]
+    rig_file = Path(tempfile.mkdtemp(prefix="ldcs_rig_"), "rig.yaml")
+    rig_values = given_parameters(context, RIG)
+    if given["mode"] == "live" and not given["controller"]:
+        rig_values["controller"] = "remote"
+    if given["scene"]:
+        rig_values["scene"] = given["scene"]
+    rig = node(context, "mock_rig", {**rig_values, "rig_file": str(rig_file)}, file="rig_params_file")
+    bridges = [_bridge(context, {**values, "rig": str(rig_file)})]
+
+    def connect(_):
+        # The rig writes its file when its port is open, and then says something at least every other second.
+        return bridges.pop() if bridges and rig_file.exists() else None
+
+    return [rig, RegisterEventHandler(OnProcessIO(target_action=rig, on_stdout=connect, on_stderr=connect))]
+
+
+def _bridge(context, values):
+    return node(
+        context, "bridge", values, file="params_file", namespace=context.launch_configurations["namespace"]
+    )
