@@ -14,32 +14,36 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "ldcs_ros"
 DEFINITIONS = sorted((ROOT / "msg_defs").glob("*/*.[ms][sr][gv]"))
 
-# What an import is called in package.xml; ROS packages have the same name in both.
+# The rosdep key of an import; ROS packages have one name in both.
 ROSDEP_KEY = {
     "PIL": "python3-pil",
+    "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
+    "mcap": "mcap-ros2-support",
+    "mcap_ros2": "mcap-ros2-support",
     "mpl_toolkits": "python3-matplotlib",
     "numba": "python3-numba",
     "numpy": "python3-numpy",
+    "pymodbus": "python3-pymodbus-pip",
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
+    "serial": "python3-serial",
     "tqdm": "python3-tqdm",
     "yaml": "python3-yaml",
+    "zstandard": "mcap-ros2-support",
 }
 # No rosdep key: a comment of package.xml names them.
-FROM_PYPI = {
-    "lz4": "lz4",
-    "mcap": "mcap",
-    "mcap_ros2": "mcap-ros2-support",
-    "pymodbus": "pymodbus",
-    "serial": "pyserial",
-    "threadpoolctl": "threadpoolctl",
-    "zstandard": "zstandard",
-}
+FROM_PYPI = {"threadpoolctl"}
 # What a wheel is called where its name is neither that of the import nor that of a ROS package.
-WHEEL = {"PIL": "pillow", "mpl_toolkits": "matplotlib", "yaml": "pyyaml", **FROM_PYPI}
+WHEEL = {
+    "PIL": "pillow",
+    "mpl_toolkits": "matplotlib",
+    "mcap_ros2": "mcap-ros2-support",
+    "serial": "pyserial",
+    "yaml": "pyyaml",
+}
 # Skipped at run time where they are not installed, so nothing depends on them.
-OPTIONAL = {"ament_index_python", "launch", "launch_ros", "ldcs_msgs", "simulation_interfaces", "tf2_msgs"}
+OPTIONAL = {"launch", "launch_ros", "ldcs_msgs", "simulation_interfaces", "tf2_msgs"}
 
 
 def imported_packages(folder: Path) -> set[str]:
@@ -74,11 +78,17 @@ def test_the_manifest_names_every_third_party_import() -> None:
     missing = set()
     for name in imported_packages(PACKAGE) - OPTIONAL:
         if name in FROM_PYPI:
-            if not re.search(rf"\b{FROM_PYPI[name]}\b", comments):
+            if not re.search(rf"\b{name}\b", comments):
                 missing.add(name)
         elif ROSDEP_KEY.get(name, name) not in named:
             missing.add(name)
     assert not missing
+
+
+def test_a_workspace_gets_the_optional_packages_too() -> None:
+    """rosdep knows no options: who builds a workspace gets everything that the package can use."""
+    tree = ElementTree.parse(ROOT / "package.xml").getroot()
+    assert {element.text for element in tree.iter("exec_depend")} >= OPTIONAL
 
 
 def test_every_wheel_that_the_code_imports_is_pinned() -> None:
