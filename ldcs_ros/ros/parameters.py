@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -25,6 +26,7 @@ class NodeParameter:
         low: Smallest accepted number; None for no range.
         high: Largest accepted number.
         read_only: Fixed from the start of the node.
+        at_configure: Taken when the node is configured: may change while it is unconfigured.
         note: What the range leaves out.
     """
 
@@ -34,11 +36,14 @@ class NodeParameter:
     low: float | None = None
     high: float | None = None
     read_only: bool = True
+    at_configure: bool = False
     note: str = ""
 
 
+_at_configure = partial(NodeParameter, read_only=False, at_configure=True)
+
 _ALL = (
-    NodeParameter("scene", "paper", "Scene: the name of a shipped one, or the path of a scene file."),
+    _at_configure("scene", "paper", "Scene: the name of a shipped one, or the path of a scene file."),
     NodeParameter(
         "real_time_factor",
         1.0,
@@ -51,12 +56,12 @@ _ALL = (
     NodeParameter(
         "duration", 0.0, "Simulation time at which the node ends [s]; 0 for never.", 0.0, 1e9, read_only=False
     ),
-    NodeParameter("record", "", "Folder of the bag that is recorded; it must not exist. Empty for none."),
-    NodeParameter("seed", -1, "Seed of the sensors' noise; -1 for the scene's own.", -1, 2**31 - 1),
-    NodeParameter(
+    _at_configure("record", "", "Folder of the bag that is recorded; it must not exist. Empty for none."),
+    _at_configure("seed", -1, "Seed of the sensors' noise; -1 for the scene's own.", -1, 2**31 - 1),
+    _at_configure(
         "publish_rate", 50.0, "Reports of the state a second of simulation time [Hz].", 0.1, 2000.0
     ),
-    NodeParameter(
+    _at_configure(
         "tracker_rate",
         0.0,
         "Measurements of the tracker a second [Hz], 0.1 and more; 0 for the scene's own.",
@@ -80,9 +85,9 @@ _ALL = (
         3600.0,
         read_only=False,
     ),
-    NodeParameter("publish_clock", False, "Publish simulation time on /clock."),
-    NodeParameter("publish_tf", False, "Publish the points on /tf, where tf2_msgs is installed."),
-    NodeParameter(
+    _at_configure("publish_clock", False, "Publish simulation time on /clock."),
+    _at_configure("publish_tf", False, "Publish the points on /tf, where tf2_msgs is installed."),
+    _at_configure(
         "accuracy",
         0.0,
         "Largest node position error asked of the solver [m]; 0 for the scene's own.",
@@ -90,7 +95,7 @@ _ALL = (
         1e-2,
         note="0, or 1e-9 and more",
     ),
-    NodeParameter(
+    _at_configure(
         "ambient_pressure", 101325.0, "Absolute pressure of the air, added to gauge pressures [Pa].", 0.0, 2e5
     ),
     NodeParameter("autostart", True, "Configure and activate the node at its start."),
@@ -139,18 +144,27 @@ def complaint(changes: Iterable[Parameter[Any]], table: Mapping[str, NodeParamet
     return ""
 
 
-def check(changes: list[Parameter[Any]]) -> SetParametersResult:
-    """Accept or refuse a set of values as a whole; to be registered as a callback for changes."""
+def check(changes: list[Parameter[Any]], *, configured: bool) -> SetParametersResult:
+    """Accept or refuse a set of values of the simulation node as a whole.
+
+    Args:
+        changes: The values.
+        configured: The node has taken its values, and lets them go only when it is cleaned up.
+    """
+    late = [one.name for one in changes if one.name in PARAMETERS and PARAMETERS[one.name].at_configure]
     reason = complaint(changes)
+    if configured and late:
+        reason = f"parameter {late[0]} is taken when the node is configured; deactivate and clean up first"
     return SetParametersResult(successful=not reason, reason=reason)
 
 
 def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
+    taken = "taken when the node is configured" if parameter.at_configure else ""
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
         read_only=parameter.read_only,
-        additional_constraints=parameter.note,
+        additional_constraints="; ".join(filter(None, [parameter.note, taken])),
     )
     if parameter.low is not None and parameter.high is not None:
         if isinstance(parameter.default, float):

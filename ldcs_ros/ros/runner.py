@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import DivergenceError
+from ldcs_ros.interface.commands import Refusal
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.ros.pace_meter import PaceMeter
 from ldcs_ros.ros.pacing import Pacer
@@ -23,8 +24,9 @@ _REQUEST_TIMEOUT = 10.0
 
 
 class Mode(enum.Enum):
-    """What the runner does."""
+    """What the runner does. STOPPED is the scene's start, before anybody let time run, stepped or paused."""
 
+    STOPPED = "stopped"
     RUNNING = "running"
     PAUSED = "paused"
     FAILED = "failed"
@@ -73,6 +75,7 @@ class Runner:
     Attributes:
         mode: What it does at present.
         failure: Why the simulation cannot go on; '' while it can.
+        deaf: Why commands are refused at present; '' while they are taken.
         chores: Called on the runner's thread from time to time; filled before `start`.
         meter: Real-time factor and step times.
     """
@@ -90,8 +93,9 @@ class Runner:
         self.twin = twin
         self.pacer = pacer
         self.duration = duration
-        self.mode = Mode.PAUSED
+        self.mode = Mode.STOPPED
         self.failure = ""
+        self.deaf = ""
         self.chores: list[Periodic] = []
         self.meter = PaceMeter()
         self._on_failure = on_failure
@@ -104,7 +108,7 @@ class Runner:
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
 
     def start(self) -> None:
-        """Start the thread; the twin is paused."""
+        """Start the thread; time does not run yet."""
         self.twin.watchdog.suspend()
         self._thread.start()
 
@@ -119,15 +123,20 @@ class Runner:
         """Hand in a command; it is applied, or refused and counted, behind the next event."""
         self._commands.append((topic, cdr))
 
+    def hand_in(self, function: Callable[[], Result]) -> Future[Result]:
+        """Let a function run on the runner's thread when it comes round to it, behind what was handed in before."""
+        future: Future[Result] = Future()
+        self._requests.append((future, function))
+        self._wake.set()
+        return future
+
     def call(self, function: Callable[[], Result], timeout: float = _REQUEST_TIMEOUT) -> Result:
         """Run a function on the runner's thread and return what it returns.
 
         Raises:
             NotNow: The thread did not come round to it in time; whatever else the function raises.
         """
-        future: Future[Result] = Future()
-        self._requests.append((future, function))
-        self._wake.set()
+        future = self.hand_in(function)
         try:
             return future.result(timeout)
         except FutureTimeoutError as error:
@@ -136,7 +145,7 @@ class Runner:
 
     def pause(self) -> None:
         """Stop time; on the runner's thread."""
-        if self.mode is Mode.RUNNING:
+        if self.mode in (Mode.RUNNING, Mode.STOPPED):
             self.mode = Mode.PAUSED
             self.twin.watchdog.suspend()
 
@@ -144,7 +153,7 @@ class Runner:
         """Let time go on from where it stopped, without making up for the pause; on the runner's thread."""
         if self.mode is Mode.FAILED:
             raise NotNow(f"{self.failure}; call reset")
-        if self.mode is Mode.PAUSED:
+        if self.mode in (Mode.PAUSED, Mode.STOPPED):
             self.mode = Mode.RUNNING
             self.pacer.lift()
             self.meter.restart(self.twin.time)
@@ -153,7 +162,9 @@ class Runner:
     def step(self) -> float:
         """Advance by one publish period while paused and return the new time [s]; on the runner's thread."""
         if self.mode is not Mode.PAUSED:
-            raise NotNow(f"the simulation is {self.mode.value}; step works while it is paused")
+            raise NotNow(
+                f"the simulation is {self.mode.value}; step works while it is paused, call pause first"
+            )
         self._attempt(self.twin.advance_to_report)
         if self.failure:
             raise NotNow(f"{self.failure}; call reset")
@@ -161,16 +172,26 @@ class Runner:
 
     def reset(self) -> None:
         """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""
-        self._on_reset()
-        self.twin.reset()
-        self.twin.watchdog.suspend()
-        failed, self.failure = self.mode is Mode.FAILED, ""
-        running = failed or self.mode is Mode.RUNNING
-        self.mode = Mode.PAUSED
+        running = self.mode in (Mode.RUNNING, Mode.FAILED)
+        self._go_to_start(self.mode if self.mode is Mode.STOPPED else Mode.PAUSED)
         if running:
             self.resume()
         else:
-            self._attempt(lambda: self.twin.advance_to(self.twin.time))
+            self._show_start()
+
+    def halt(self) -> None:
+        """Stop time at the scene's start; on the runner's thread."""
+        self._go_to_start(Mode.STOPPED)
+        self._show_start()
+
+    def _go_to_start(self, mode: Mode) -> None:
+        self._on_reset()
+        self.twin.reset()
+        self.twin.watchdog.suspend()
+        self.mode, self.failure = mode, ""
+
+    def _show_start(self) -> None:
+        self._attempt(lambda: self.twin.advance_to(self.twin.time))
 
     def _run(self) -> None:
         while not self._stopping:
@@ -230,4 +251,8 @@ class Runner:
 
     def _apply_commands(self) -> None:
         while self._commands:
-            self._guard(partial(self.twin.receive, *self._commands.popleft()))
+            topic, cdr = self._commands.popleft()
+            if self.deaf:
+                self.twin.commands.refuse(Refusal("inactive", self.deaf), topic)
+            else:
+                self._guard(partial(self.twin.receive, topic, cdr))

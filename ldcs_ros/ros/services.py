@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 
 from rclpy.lifecycle import LifecycleNode
@@ -18,10 +19,11 @@ class Services:
 
     Args:
         node: The node that offers them.
-        runner: Returns the runner, or None while the node is not active.
+        runner: Returns the runner, or raises NotNow while the node is not active.
     """
 
-    def __init__(self, node: LifecycleNode, runner: Callable[[], Runner | None]) -> None:
+    def __init__(self, node: LifecycleNode, runner: Callable[[], Runner]) -> None:
+        self._node = node
         self._runner = runner
         actions: dict[str, Callable[[Runner], str]] = {
             "pause": _pause,
@@ -37,14 +39,16 @@ class Services:
         self, action: Callable[[Runner], str]
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            runner = self._runner()
             try:
-                if runner is None:
-                    raise NotNow("the node is not active; activate it first")
+                runner = self._runner()
                 response.message = runner.call(lambda: action(runner))
                 response.success = True
             except (NotNow, LdcsError) as error:
                 response.success, response.message = False, str(error)
+            except Exception as error:
+                # It would end the process; a mistake of ours must be seen, and the run goes on.
+                self._node.get_logger().error(traceback.format_exc())
+                response.success, response.message = False, f"failed: {error!r}"
             return response
 
         return handle

@@ -8,6 +8,7 @@ import time
 import traceback
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -29,6 +30,7 @@ from ldcs_ros.ros.transport import Transport
 NODE_NAME = "ldcs_sim"
 DEFAULT_NAMESPACE = "/ldcs"
 DIAGNOSTICS_PERIOD = 1.0
+INACTIVE = "the node is inactive; activate it first"
 
 
 class SimulationNode(LifecycleNode):
@@ -45,7 +47,7 @@ class SimulationNode(LifecycleNode):
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
         for complaint in parameters.declare(self):
             self.get_logger().warning(complaint)
-        self.add_on_set_parameters_callback(parameters.check)
+        self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._parameters_changed)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
@@ -56,8 +58,8 @@ class SimulationNode(LifecycleNode):
         self._recording_error = ""
         self._status: StatusLine | None = None
         self._interfaces: dict[str, str] = {}
-        self._triggers = Services(self, lambda: self._runner if self._is_active else None)
         self._is_active = False
+        self._triggers = Services(self, self._active_runner)
 
     @classmethod
     def started(cls) -> SimulationNode:
@@ -91,20 +93,29 @@ class SimulationNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time run."""
-        assert self._runner is not None
-        self._is_active = True
+        """Let time run and take commands."""
+        runner = self._runner
+        assert runner is not None
         try:
-            self._runner.call(self._runner.resume)
+            runner.call(runner.resume)
         except NotNow as error:
+            # One that has failed is active all the same: reset, a service of the active node, brings it back.
             self.get_logger().warning(str(error))
+            if not runner.failure:
+                return TransitionCallbackReturn.FAILURE
+        runner.deaf, self._is_active = "", True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop time."""
-        assert self._runner is not None
-        self._is_active = False
-        self._runner.call(self._runner.pause)
+        """Stop time and refuse commands; the graph and the bag stay."""
+        runner = self._runner
+        assert runner is not None
+        try:
+            runner.call(runner.pause)
+        except NotNow as error:
+            self.get_logger().warning(str(error))
+            return TransitionCallbackReturn.FAILURE
+        runner.deaf, self._is_active = INACTIVE, False
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -136,6 +147,13 @@ class SimulationNode(LifecycleNode):
             self._recorder.close()
             self._recorder = None
         self._transport.close()
+
+    def _active_runner(self) -> Runner:
+        if self._runner is None:
+            raise NotNow("the node is unconfigured; configure and activate it first")
+        if not self._is_active:
+            raise NotNow(INACTIVE)
+        return self._runner
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -179,6 +197,7 @@ class SimulationNode(LifecycleNode):
             on_finish=self.finished.set,
             on_reset=self._start_bag_over,
         )
+        runner.deaf = INACTIVE
         self._transport.open(twin.topics.values(), runner.post)
         twin.sinks.append(self._transport)
         self._record(twin)
@@ -231,6 +250,9 @@ class SimulationNode(LifecycleNode):
             self._recorder, self._recording_error = None, str(error)
             self.get_logger().error(f"recording stopped: {error}")
 
+    def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+        return parameters.check(changes, configured=self._runner is not None)
+
     def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
         runner = self._runner
         if runner is None:
@@ -247,7 +269,7 @@ class SimulationNode(LifecycleNode):
                 pacer.tolerance = tolerance(runner.twin.publish_rate, pacer.real_time_factor)
                 pacer.lift()
 
-        runner.call(apply)
+        runner.hand_in(apply)
 
 
 def _warm_up(twin: Twin) -> None:

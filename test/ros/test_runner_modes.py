@@ -64,6 +64,7 @@ def test_a_divergence_pauses_with_the_last_good_state_and_reset_brings_it_back(r
 
 def test_a_reset_while_paused_shows_the_start_and_stays_paused(run):
     runner, collected, told = run()
+    runner.call(runner.pause)
     runner.call(runner.step)
     runner.call(runner.step)
     runner.call(runner.reset)
