@@ -25,7 +25,8 @@ setup: $(PACKAGE) $(MESSAGES)  ## make .venv/ with pinned versions, ROS 2 wheels
 sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
 
-test: lint $(STAND_IN)  ## check the style, then run the whole test suite: PYTEST='-k word'
+# Types are checked against the wheels of ROS 2; a distribution's own rclpy has others, or none.
+test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the whole test suite: PYTEST='-k word'
 	@source tools/environment.sh && ROS_PYTHON_CHECK_FIELDS=1 exec $(BIN)/python -m pytest $(PYTEST)
 
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
