@@ -49,7 +49,8 @@ def diagnostic_array(time_ns: int, owner: str, statuses: Iterable[Status]) -> by
 
 def twin_statuses(solver: Mapping[str, object], commands: Commands, watchdog: Watchdog) -> list[Status]:
     """Return the entries that every twin has; `solver` holds the figures of its statistics by name."""
-    counts = {f"refused, {reason}": count for reason, count in sorted(commands.refused.items())}
+    counts = {f"accepted, {topic}": count for topic, count in sorted(commands.accepted.items())}
+    counts |= {f"refused, {reason}": count for reason, count in sorted(commands.refused.items())}
     accepted, refused = sum(commands.accepted.values()), sum(commands.refused.values())
     limits = {"command_timeout [s]": watchdog.timeout, "wrench_timeout [s]": watchdog.wrench_timeout}
     watching = "tripped: arms vented, call rearm" if watchdog.tripped else watchdog.state
