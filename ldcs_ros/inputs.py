@@ -104,7 +104,12 @@ class Inputs:
         self._take_wrench(frame, force, torque)
         self._live |= {frame}
 
-    def _take_wrench(self, frame: str, force: Any, torque: Any) -> None:
+    def check_wrench(self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)) -> Wrench:
+        """Return what `set_wrench` would hold, without holding it.
+
+        Raises:
+            CommandError: As `set_wrench`.
+        """
         term: Any = self._model.wrench
         if term is None:
             raise CommandError(
@@ -125,8 +130,12 @@ class Inputs:
                     f"wrench.{name}: got {_shown(vector)}, expected a magnitude of at most {limit:g}"
                 )
             held[name] = (float(vector[0]), float(vector[1]), float(vector[2]))
-        if self.wrenches.get(frame) != Wrench(**held):
-            self.wrenches = {**self.wrenches, frame: Wrench(**held)}
+        return Wrench(**held)
+
+    def _take_wrench(self, frame: str, force: Any, torque: Any) -> None:
+        wrench = self.check_wrench(frame, force=force, torque=torque)
+        if self.wrenches.get(frame) != wrench:
+            self.wrenches = {**self.wrenches, frame: wrench}
             self.version += 1
 
     def clear_wrench(self, frame: str) -> None:

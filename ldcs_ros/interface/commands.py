@@ -10,7 +10,10 @@ import numpy as np
 
 from ldcs_ros.errors import CommandError
 from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.interface.frames import PLAIN, Frames
+from ldcs_ros.interface.topics import BASE_FRAME, TOPICS
+from ldcs_ros.interface.wrench_course import WrenchCourse
+from ldcs_ros.physics.effects.wrench import ALIGNED
 
 REASONS = (
     "malformed",
@@ -18,14 +21,16 @@ REASONS = (
     "not a number",
     "infinite",
     "over limit",
+    "wrong time",
     "unknown frame",
     "unknown joint",
     "unknown arm",
     "out of order",
     "effect absent",
     "vented",
+    "failed",
+    "inactive",
 )
-
 
 _NO_PRESSURE_DRIVE = "the arms of this scene are not driven by pressure; load one with drive: pressure"
 _NO_TORQUE_DRIVE = "the arms of this scene are not driven by torque; load one with drive: torque"
@@ -48,6 +53,7 @@ class Commands:
 
     Args:
         simulation: Its `inputs` take the commands.
+        frames: Names of the frames that commands may name.
 
     Attributes:
         accepted: Number of commands applied, by topic.
@@ -55,8 +61,9 @@ class Commands:
         last_refusal: The latest refusal in words; '' while there was none.
     """
 
-    def __init__(self, simulation: Any) -> None:
+    def __init__(self, simulation: Any, frames: Frames = PLAIN) -> None:
         self._simulation = simulation
+        self._frames = frames
         self._apply: dict[str, Callable[[Any], None]] = {
             "pressure_command": self._pressure,
             "torque_command": self._torque,
@@ -82,6 +89,10 @@ class Commands:
         except Refusal as refusal:
             self.refuse(refusal, topic)
             raise
+        except Exception as error:  # a mistake of ours: the sender is answered and the twin lives on
+            refusal = Refusal("failed", repr(error))
+            self.refuse(refusal, topic)
+            raise refusal from error
         self.accepted[topic] += 1
         return message
 
@@ -149,21 +160,74 @@ class Commands:
         """Take numbered commands from any number on, as after a reset or when somebody rearms."""
         self._last_sequence = -1
 
+    def wrench_course(
+        self,
+        *,
+        point: str,
+        frame_id: str,
+        force: Any,
+        torque: Any,
+        duration: float,
+        ramp: float,
+        start: float,
+    ) -> WrenchCourse:
+        """Return the course of a wrench that acts for a while, checked whole; nothing acts yet.
+
+        Args:
+            point: Where it acts: a point or a node of the scene.
+            frame_id: Whose axes force and torque have: the base frame, or the point itself.
+            force: Force at its full height [N].
+            torque: Torque at its full height [N m].
+            duration: How long it acts, ramps included [s]; 0 for until it is replaced.
+            ramp: How long it rises, and falls [s].
+            start: When it begins [s].
+
+        Raises:
+            Refusal: It has been counted.
+        """
+        try:
+            frame = self._frames.local(point)
+            self._check_wrench_at(frame, force, torque)
+            if self._frames.local(frame_id) == BASE_FRAME:
+                frame += ALIGNED
+            elif self._frames.local(frame_id) != frame:
+                expected = f"{self._frames.base!r}, or {point!r} for the axes that turn with the point"
+                raise Refusal("unknown frame", f"got frame_id {frame_id!r}, expected {expected}")
+            if not (duration >= 0.0 and ramp >= 0.0 and (duration == 0.0 or 2.0 * ramp <= duration)):
+                expected = "times of at least 0 s, and a duration of at least two ramps, or 0 for no end"
+                raise Refusal(
+                    "wrong time", f"got duration {duration:g} s, ramp {ramp:g} s, expected {expected}"
+                )
+            _within_limits(self._simulation.inputs.check_wrench, frame, force=force, torque=torque)
+        except Refusal as refusal:
+            self.refuse(refusal, "apply_wrench")
+            raise
+        self.accepted["apply_wrench"] += 1
+        return WrenchCourse.of(frame, force, torque, start=start, duration=duration, ramp=ramp)
+
+    def hold_wrench(self, frame: str, force: Any, torque: Any) -> None:
+        """Hold a wrench that has been checked; one of nothing is let go."""
+        inputs = self._simulation.inputs
+        if any(force) or any(torque):
+            _within_limits(inputs.set_wrench, frame, force=force, torque=torque)
+        else:
+            inputs.clear_wrench(frame)
+
     def _wrench(self, message: Any) -> None:
-        simulation, frame = self._simulation, message.header.frame_id
-        if "wrench" not in simulation.effects:
-            raise Refusal("effect absent", "the scene has no effect 'wrench'; add {type: wrench}")
+        frame = self._frames.local(message.header.frame_id)
         force, torque = (_components(part) for part in (message.wrench.force, message.wrench.torque))
+        self._check_wrench_at(frame.removesuffix(ALIGNED), force, torque)
+        self.hold_wrench(frame, force, torque)
+
+    def _check_wrench_at(self, point: str, force: Any, torque: Any) -> None:
+        if "wrench" not in self._simulation.effects:
+            raise Refusal("effect absent", "the scene has no effect 'wrench'; add {type: wrench}")
         _check_finite(force, "force [N]")
         _check_finite(torque, "torque [N m]")
         try:
-            simulation.pose(frame.removesuffix("_aligned"))
+            self._simulation.pose(point)
         except (ValueError, KeyError) as error:
             raise Refusal("unknown frame", str(error)) from error
-        if any(force) or any(torque):
-            _within_limits(simulation.inputs.set_wrench, frame, force=force, torque=torque)
-        else:
-            simulation.inputs.clear_wrench(frame)
 
 
 def _decode(topic: str, cdr: bytes) -> Any:

@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.interface.cdr import encode, header, message_class, time_message
-from ldcs_ros.interface.topics import BASE_FRAME, TRACKER_FRAME
+from ldcs_ros.interface.frames import PLAIN, Frames
+from ldcs_ros.interface.topics import BASE_FRAME
 from ldcs_ros.sensors import Measurement
 
 # The transmitter has x and z reversed against the axes that its ROS driver reports: half a turn about y.
 _TRANSMITTER = np.array([-1.0, 1.0, -1.0])
 
 
-def pose(time_ns: int, position: np.ndarray, orientation: np.ndarray) -> bytes:
-    """Return a PoseStamped in ldcs_base: position [m], shape (3,); quaternion x, y, z, w."""
+def pose(time_ns: int, position: np.ndarray, orientation: np.ndarray, *, frame: str = BASE_FRAME) -> bytes:
+    """Return a PoseStamped: position in the frame [m], shape (3,); quaternion x, y, z, w."""
     x, y, z = position.tolist()
     return encode(
         message_class("geometry_msgs/msg/PoseStamped")(
-            header=header(time_ns, BASE_FRAME),
+            header=header(time_ns, frame),
             pose=message_class("geometry_msgs/msg/Pose")(
                 position=message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z),
                 orientation=_quaternion(orientation),
@@ -42,18 +43,18 @@ def transform(time_ns: int, frame: str, child: str, position: np.ndarray, orient
     )
 
 
-def trakstar(time_ns: int, measured: Measurement) -> bytes:
+def trakstar(time_ns: int, measured: Measurement, frames: Frames = PLAIN) -> bytes:
     """Return a probe's TransformStamped as the ROS 2 driver of the tracker sends it."""
-    child = f"trakstar{measured.probe}"
-    return encode(transform(time_ns, TRACKER_FRAME, child, measured.position, measured.orientation))
+    child = frames.named(f"trakstar{measured.probe}")
+    return encode(transform(time_ns, frames.tracker, child, measured.position, measured.orientation))
 
 
-def trakstar_raw(time_ns: int, measured: Measurement) -> bytes:
+def trakstar_raw(time_ns: int, measured: Measurement, frames: Frames = PLAIN) -> bytes:
     """Return the same in the transmitter's own axes, before the driver turns them."""
     x, y, z, w = measured.orientation
     turned = np.array([z, w, -x, -y])  # half a turn about y, times the orientation
-    child = f"trakstar{measured.probe}_raw"
-    return encode(transform(time_ns, TRACKER_FRAME, child, measured.position * _TRANSMITTER, turned))
+    child = frames.named(f"trakstar{measured.probe}_raw")
+    return encode(transform(time_ns, frames.tracker, child, measured.position * _TRANSMITTER, turned))
 
 
 def transforms(stamped: Sequence[Any]) -> bytes:

@@ -105,6 +105,8 @@ def run_description(twin: Twin) -> dict[str, str]:
         "ambient_pressure": repr(twin.ambient_pressure),
         "publish_clock": str(twin.publish_clock).lower(),
         "publish_tf": str(twin.publish_tf).lower(),
+        "frame_prefix": twin.frames.prefix,
+        "detail": str(twin.detail).lower(),
         "settled": str(twin.settled).lower(),
         "ldcs_ros": __version__,
         "python": platform.python_version(),

@@ -23,6 +23,7 @@ class Topic:
         depth: Length of the queue.
         on_demand: Built only while somebody listens.
         recorded: Put into bags.
+        measured: Tells how the computer does, which no replay repeats.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Topic:
     depth: int = 10
     on_demand: bool = False
     recorded: bool = True
+    measured: bool = False
 
 
 # A second of commands at 1 kHz: none is overwritten while a service is being served or a bag closed.
@@ -54,7 +56,7 @@ _ALL = (
         "joint torques [N m] in effort, by joint name",
         depth=_COMMANDS,
     ),
-    # It amounts to pressures or torques and is recorded as those: bags hold nothing but standard types.
+    # It amounts to pressures or torques and is recorded as those: commands in bags have standard types.
     Topic(
         "arm_command",
         "ldcs_msgs/msg/ArmCommand",
@@ -140,7 +142,31 @@ _ALL = (
         on_demand=True,
         recorded=False,
     ),
-    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "out", "health of the twin at 1 Hz"),
+    # Our own types, and a bag four times as large: these two are recorded where somebody asks for the detail.
+    Topic(
+        "lattice_state",
+        "ldcs_msgs/msg/LatticeState",
+        "out",
+        "the whole state in full precision, float64: nodes [m, m/s], links [rad, rad/s], chambers [Pa]",
+        on_demand=True,
+        recorded=False,
+    ),
+    Topic(
+        "solver_status",
+        "ldcs_msgs/msg/SolverStatus",
+        "out",
+        "real-time factor, step [s], estimated error [m], counters at 10 Hz",
+        on_demand=True,
+        recorded=False,
+        measured=True,
+    ),
+    Topic(
+        "/diagnostics",
+        "diagnostic_msgs/msg/DiagnosticArray",
+        "out",
+        "health of the twin at 1 Hz",
+        measured=True,
+    ),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "out", "simulation time", depth=1),
     Topic("/tf", "tf2_msgs/msg/TFMessage", "out", "points in ldcs_base", depth=100),
     Topic(

@@ -9,18 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.errors import DivergenceError
 from ldcs_ros.interface import messages
 from ldcs_ros.interface.cdr import nanoseconds
 from ldcs_ros.interface.commands import Commands, Refusal
 from ldcs_ros.interface.diagnostics import Status, diagnostic_array, twin_statuses
+from ldcs_ros.interface.frames import Frames
 from ldcs_ros.interface.outputs import Outputs
+from ldcs_ros.interface.solver_status import SolverReport
 from ldcs_ros.interface.topics import TOPICS, Topic
 from ldcs_ros.interface.vent import RAMP_TIME, VentRamp
 from ldcs_ros.interface.watchdog import Watchdog
+from ldcs_ros.interface.wrench_course import WrenchCourses
 from ldcs_ros.sensors import PressureSensor, PressureSensorParameters, Ticks, Tracker, TrackerParameters
 
 Sink = Callable[[str, str, bytes, int], None]
 ARM_COMMANDS = ("pressure_command", "torque_command", "arm_command")
+SOLVER_STATUS_RATE = 10.0
+"""Messages of `solver_status` a second [Hz], or the publish rate where that is smaller."""
 
 
 class Twin:
@@ -43,6 +49,8 @@ class Twin:
         ambient_pressure: Absolute pressure of the surrounding air [Pa].
         publish_clock: Emit /clock with each report.
         publish_tf: Emit /tf with each report, /tf_static at the start.
+        frame_prefix: What stands before the name of each frame.
+        detail: Emit `lattice_state` and `solver_status` and let bags hold them; else they come while wanted.
 
     Attributes:
         simulation: The simulation.
@@ -51,6 +59,8 @@ class Twin:
         topics: Every topic that may be emitted or received, by relative name.
         commands: Counters of accepted and refused commands.
         watchdog: The watchdog; its owner calls `check_watchdog`.
+        overruns: Deadlines missed in real time, as its owner counts them; reported in `solver_status`.
+        solver_report: Measures the pace for `solver_status`; its owner restarts it after a pause.
         sinks: The sinks; a caller may add and remove some between two advances.
     """
 
@@ -69,6 +79,8 @@ class Twin:
         ambient_pressure: float = 101325.0,
         publish_clock: bool = False,
         publish_tf: bool = False,
+        frame_prefix: str = "",
+        detail: bool = False,
     ) -> None:
         self.scene = scene
         self.seed = seed
@@ -77,34 +89,43 @@ class Twin:
         self.ambient_pressure = ambient_pressure
         self.publish_clock = publish_clock
         self.publish_tf = publish_tf
+        self.detail = detail
+        self.frames = Frames(frame_prefix)
+        self._wanted = wanted or (lambda name: False)
+        self.overruns = 0
+        self.solver_report = SolverReport()
         self.settled = False
         self.sinks = list(sinks)
         self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
         self.watchdog = watchdog or Watchdog(wall.monotonic)
-        self.commands = Commands(self.simulation)
+        self.commands = Commands(self.simulation, self.frames)
+        self._courses = WrenchCourses()
         self.tracker_parameters = _tracker(scene.sensors, tracker_rate)
         self.pressure_parameters = self._pressure_sensor_of(scene.sensors)
         self._outputs = Outputs(
             self.simulation,
             self.emit,
-            wanted=wanted or (lambda name: False),
+            wanted=self._wanted,
             tracker=self.tracker_parameters,
             pressure_sensor=self.pressure_parameters,
             ambient_pressure=ambient_pressure,
             publish_clock=publish_clock,
             publish_tf=publish_tf,
+            frames=self.frames,
+            detail=detail,
         )
         self._diagnostics = diagnostics
         self._ramp: VentRamp | None = None
         self._first_report = True
-        self.topics: dict[str, Topic] = {**self._outputs.topics, "/diagnostics": TOPICS["/diagnostics"]}
+        self.topics: dict[str, Topic] = dict(self._outputs.topics)
+        self.topics["/diagnostics"] = TOPICS["/diagnostics"]
         self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}
         self._start()
 
     @property
     def next_time(self) -> float:
         """When the next event is due [s]."""
-        return min(self._next_tick, self._next_delivery)
+        return min(self._next_tick, self._next_delivery, self._courses.next_time)
 
     def advance_to_next(self) -> None:
         """Go on to the next event and emit all that belongs to it.
@@ -112,7 +133,11 @@ class Twin:
         Raises:
             DivergenceError: The simulation cannot go on; nothing was emitted, the state before is whole.
         """
-        time = self.next_time
+        time = min(self._next_tick, self._next_delivery)
+        if self._courses.next_time < time:
+            self._go_to(self._courses.next_time)
+            self._follow_courses()
+            return
         if self._next_tick <= time:
             self._move(time)
         self.time = time
@@ -129,6 +154,7 @@ class Twin:
                 self._first_report = False
                 self._outputs.report_static(time)
             self._outputs.report_state()
+            self._report_solver()
             self._continue_vent()
         if self._diagnostics and self._health.time <= time:
             self._health.advance()
@@ -154,8 +180,16 @@ class Twin:
         self.advance_to(self._reports.time)
 
     def receive(self, topic: str, cdr: bytes) -> str | None:
-        """Apply a command at the present time; return None, or why it was refused whole."""
-        self._move(self.time)
+        """Apply a command at the present time; return None, or why it was refused whole.
+
+        Raises:
+            DivergenceError: The simulation cannot come to the present time; the command counts as refused.
+        """
+        try:
+            self._move(self.time)
+        except DivergenceError as error:
+            self.commands.refuse(Refusal("failed", str(error)), topic)
+            raise
         try:
             if topic in ARM_COMMANDS and self.watchdog.tripped:
                 raise self._vented(topic)
@@ -166,12 +200,44 @@ class Twin:
             self._ramp = None
             self.watchdog.feed()
         else:
-            self.watchdog.feed_wrench(message.header.frame_id)
+            frame = self.frames.local(message.header.frame_id)
+            self._courses.drop(frame)
+            self.watchdog.feed_wrench(frame)
         if topic == "arm_command":
             self._emit_arm_command()
         else:
             self.emit(TOPICS[topic], cdr, nanoseconds(self.time))
         return None
+
+    def apply_wrench(
+        self, *, point: str, frame_id: str, force: Any, torque: Any, duration: float, ramp: float
+    ) -> str:
+        """Let a wrench act from the present on for a while, instead of the one that its frame has.
+
+        It is emitted as the `external_wrench` commands that it amounts to, so that a bag replays it; no timeout
+        ends it. The arguments are those of `Commands.wrench_course`.
+
+        Returns:
+            What was applied, in words.
+
+        Raises:
+            Refusal: Refused whole and counted; nothing changed.
+        """
+        self._move(self.time)
+        course = self.commands.wrench_course(
+            point=point,
+            frame_id=frame_id,
+            force=force,
+            torque=torque,
+            duration=duration,
+            ramp=ramp,
+            start=self.time,
+        )
+        self.watchdog.release_wrench(course.frame)
+        self._courses.put(course)
+        self._follow_courses()
+        until = f"to t = {self.time + duration:.9g} s" if duration > 0.0 else "until it is replaced"
+        return f"{course.frame}: {math.hypot(*force):.6g} N, {math.hypot(*torque):.6g} N m, {until}"
 
     def check_watchdog(self) -> bool:
         """Act on silence: vent the arms, clear wrenches; return True when the watchdog tripped just now."""
@@ -244,7 +310,10 @@ class Twin:
         start = self.time = self.simulation.time
         self._reports = Ticks.starting_at(self.publish_rate, start)
         self._health = Ticks.starting_at(1.0, start)
+        self._reports_a_status = max(1, round(self.publish_rate / SOLVER_STATUS_RATE))
         self._ramp = None
+        self._courses.clear()
+        self.solver_report.restart()
         self._first_report = True
         self._tracker: Tracker | None = None
         self._pressure_sensor: PressureSensor | None = None
@@ -266,6 +335,26 @@ class Twin:
     def _move(self, time: float) -> None:
         if time > self.simulation.time:
             self.simulation.advance_to(time)
+
+    def _go_to(self, time: float) -> None:
+        # Two times that a bag cannot tell apart are one: a replay acts at the first of them.
+        if nanoseconds(time) > nanoseconds(self.time):
+            self._move(time)
+            self.time = time
+
+    def _follow_courses(self) -> None:
+        for course, share in self._courses.take(self.time):
+            self._hold_wrench(course.frame, *course.at(share))
+
+    def _report_solver(self) -> None:
+        if (self._reports.index - 1) % self._reports_a_status:
+            return
+        if not (self.detail or self._wanted("solver_status")):
+            return
+        now = nanoseconds(self.time)
+        counts = {"overruns": self.overruns, "refused": sum(self.commands.refused.values())}
+        message = self.solver_report.build(now, self.simulation, **counts)
+        self.emit(self.topics["solver_status"], message, now)
 
     def _continue_vent(self) -> None:
         if self._ramp is None:
@@ -290,9 +379,13 @@ class Twin:
 
     def _clear_wrench(self, frame: str) -> None:
         self._move(self.time)
-        self.simulation.inputs.clear_wrench(frame)
-        now, nothing = nanoseconds(self.time), (0.0, 0.0, 0.0)
-        self.emit(TOPICS["external_wrench"], messages.wrench_command(now, frame, nothing, nothing), now)
+        self._hold_wrench(frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def _hold_wrench(self, frame: str, force: Any, torque: Any) -> None:
+        self.commands.hold_wrench(frame, force, torque)
+        now = nanoseconds(self.time)
+        message = messages.wrench_command(now, self.frames.named(frame), force, torque)
+        self.emit(TOPICS["external_wrench"], message, now)
 
     def _vented(self, topic: str) -> Refusal:
         refusal = Refusal("vented", "the watchdog vented the arms; call rearm, then send commands in time")

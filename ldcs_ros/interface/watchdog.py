@@ -50,6 +50,10 @@ class Watchdog:
         """A wrench at this frame was applied."""
         self._wrench_at[frame] = self._now()
 
+    def release_wrench(self, frame: str) -> None:
+        """The wrench at this frame is no sender's any more."""
+        self._wrench_at.pop(frame, None)
+
     def check(self) -> bool:
         """Return True once when the arms' commands have gone stale; the caller then vents."""
         if self.tripped or self.timeout <= 0.0 or self._fed_at is None:

@@ -29,6 +29,8 @@ class RunDescription:
         ambient_pressure: Absolute pressure of the surrounding air [Pa].
         publish_clock: It reported /clock.
         publish_tf: It reported /tf.
+        frame_prefix: What stood before the names of its frames.
+        detail: It reported lattice_state and solver_status all along.
         settled: It began in the rest state.
         namespace: What stands before its topics in the bag.
         versions: What it ran on, by the names of VERSIONS.
@@ -42,6 +44,8 @@ class RunDescription:
     ambient_pressure: float = 101325.0
     publish_clock: bool = False
     publish_tf: bool = False
+    frame_prefix: str = ""
+    detail: bool = False
     settled: bool = False
     namespace: str = DEFAULT_NAMESPACE
     versions: tuple[tuple[str, str], ...] = ()
@@ -58,6 +62,8 @@ class RunDescription:
             ambient_pressure=self.ambient_pressure,
             publish_clock=self.publish_clock,
             publish_tf=self.publish_tf,
+            frame_prefix=self.frame_prefix,
+            detail=self.detail,
         )
         if self.settled:
             twin.settle()
@@ -86,6 +92,8 @@ def describe(recording: Any) -> RunDescription | None:
             ambient_pressure=float(said.get("ambient_pressure", 101325.0)),
             publish_clock=said.get("publish_clock") == "true",
             publish_tf=said.get("publish_tf") == "true",
+            frame_prefix=said.get("frame_prefix", ""),
+            detail=said.get("detail") == "true",
             settled=said.get("settled") == "true",
             namespace=said.get("namespace", DEFAULT_NAMESPACE),
             versions=tuple((name, said.get(name, "")) for name in VERSIONS),

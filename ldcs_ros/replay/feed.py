@@ -11,9 +11,6 @@ from ldcs_ros.interface.cdr import nanoseconds
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.interface.twin import Twin
 
-HEALTH = "/diagnostics"
-"""Tells how long the computer took: neither counted nor compared."""
-
 
 class Entry(Protocol):
     """One recorded command.
@@ -100,8 +97,8 @@ class _Emitted:
 
 
 def is_counted(topic: Topic) -> bool:
-    """Tell whether a topic's messages say where in a run one stands: all that the twin reports and a bag holds."""
-    return topic.direction == "out" and topic.recorded and topic.name != HEALTH
+    """Tell whether a topic's messages say where in a run one stands: what a twin reports, and reports again."""
+    return topic.direction == "out" and topic.recorded and not topic.measured
 
 
 def feed(

@@ -9,8 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.interface.topics import TOPICS
 from ldcs_ros.plotting.tracks import CLOUD, cloud_positions
-from ldcs_ros.replay.feed import HEALTH
+
+MEASURED = {topic.type for topic in TOPICS.values() if topic.measured}
+"""Types of what tells how long the computer took: not compared."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,7 @@ class Verdict:
     """How a replay compares with the original run.
 
     Attributes:
-        same_bytes: Every message, its time and the order of all are the same (but /diagnostics).
+        same_bytes: Every message, its time and the order of all are the same, but for what the computer took.
         messages: Messages compared.
         first_difference: Where the first difference is, in words; '' when there is none.
         largest: Largest distance of a node from where it was [m], float32 in both; None without `nodes`.
@@ -43,20 +46,16 @@ class Verdict:
 
 def compare_runs(original: Any, again: Any, *, allowed: float | None, differing: tuple[str, ...]) -> Verdict:
     """Return the verdict on two recordings of the same run, as far as the original goes."""
-    topics = sorted((set(original.topics) & set(again.topics)) - {HEALTH})
-    missing = sorted((set(original.topics) ^ set(again.topics)) - {HEALTH})
+    ours, theirs = _comparable(original), _comparable(again)
+    topics, missing = sorted(ours & theirs), sorted(ours ^ theirs)
     difference, messages = "", 0
-    for ours, theirs in zip_longest(original.in_order(topics), again.in_order(topics)):
+    for then, now in zip_longest(original.in_order(topics), again.in_order(topics)):
         # A bag that was cut off ends in the middle of what belongs to one time.
-        if ours is None and theirs.time >= original.end:
+        if then is None and now.time >= original.end:
             break
-        if ours != theirs:
-            one = ours or theirs
-            what = (
-                "only one has it"
-                if ours is None or theirs is None
-                else f"{ours.topic} against {theirs.topic}"
-            )
+        if then != now:
+            one = then or now
+            what = "only one has it" if then is None or now is None else f"{then.topic} against {now.topic}"
             difference = f"message {messages + 1}, at {one.time / 1e9:.6f} s: {what}"
             break
         messages += 1
@@ -65,6 +64,10 @@ def compare_runs(original: Any, again: Any, *, allowed: float | None, differing:
     same = not difference
     largest = 0.0 if same else _largest(original, again)
     return Verdict(same, messages, difference, largest, allowed, differing)
+
+
+def _comparable(recording: Any) -> set[str]:
+    return {topic for topic, info in recording.topics.items() if info.type not in MEASURED}
 
 
 def _largest(original: Any, again: Any) -> float | None:

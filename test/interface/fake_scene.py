@@ -32,6 +32,10 @@ class RailInputs:
             raise CommandError("torque above 1 N m")
         self.torque = value.copy()
 
+    def check_wrench(self, frame, force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0)):
+        if max(np.abs(force)) > 100.0:
+            raise CommandError("force above 100 N")
+
     def set_wrench(self, frame, force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0)):
         self.wrenches[frame] = SimpleNamespace(force=force, torque=torque)
 
@@ -53,7 +57,11 @@ class RailSimulation:
         self.points = {"P0": None, "P1": None}
         self.visited = []
         self.reset()
-        self.statistics = SimpleNamespace(as_dict=lambda: {"steps": 1}, error_estimate=0.0)
+        figures = {"error_estimate": 0.0, "wall_time": 0.25, "steps": 1, "rejected_steps": 0}
+        figures |= {"evaluations": 3, "factorisations": 2}
+        self.statistics = SimpleNamespace(as_dict=lambda: {"steps": 1}, **figures)
+        self.integrator = SimpleNamespace(name="rails")
+        self.last_step = SimpleNamespace(left=SimpleNamespace(time=0.0), right=SimpleNamespace(time=0.125))
 
     def reset(self):
         self.time = 0.0
@@ -79,6 +87,8 @@ class RailSimulation:
             velocity=velocity,
             joint_angle=joints,
             joint_rate=-joints,
+            link_angle=np.cumsum(joints, axis=1),
+            link_rate=-np.cumsum(joints, axis=1),
             pressure=pressure,
         )
 
