@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -73,7 +74,13 @@ def _run(
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while not signals.requested.is_set() and not node.finished.is_set():
-            executor.spin_once(timeout_sec=_SPIN_PERIOD)
+            try:
+                executor.spin_once(timeout_sec=_SPIN_PERIOD)
+            except Exception:
+                # Requests come from anybody, and rclpy's own services fail at some: that ends no run.
+                if not rclpy.ok():
+                    raise
+                node.get_logger().error(traceback.format_exc())
         return 1 if node.failure else 0
     finally:
         if node is not None:
