@@ -45,8 +45,8 @@ class Point:
         return self._block(self.columns, self.rows)
 
     @cached_property
-    def _neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        # Nodes behind and ahead along x and along y; at an edge the point itself takes the missing side.
+    def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Indices of the nodes behind and ahead along x, and along y; an edge itself stands for what is beyond it."""
         nx, ny = self.lattice.nodes
         behind, ahead = (max(self.columns[0] - 1, 0),), (min(self.columns[-1] + 1, nx - 1),)
         right, left = (max(self.rows[0] - 1, 0),), (min(self.rows[-1] + 1, ny - 1),)
@@ -70,7 +70,7 @@ class Point:
 
     def frame(self, position: np.ndarray) -> np.ndarray:
         """Return the axes of its frame as columns, shape (3, 3), from node positions [m] of shape (n_nodes, 3)."""
-        behind, ahead, right, left = self._neighbours
+        behind, ahead, right, left = self.neighbours
         along_x = (position[ahead] - position[behind]).mean(axis=0)
         along_y = (position[left] - position[right]).mean(axis=0)
         normal = _cross(along_x, along_y)
