@@ -1,14 +1,16 @@
-"""The README keeps its word: its program runs, its tables are what the code has, its pictures are there."""
+"""README and docs keep their word: the program runs, tables are what the code has, links and pictures are there."""
 
 from __future__ import annotations
 
 import argparse
 import re
+import shlex
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 
+import pytest
 import yaml
 from PIL import Image
 
@@ -19,6 +21,7 @@ from ldcs_ros.mapping.load import parse_mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def first_cells(section):
@@ -26,6 +29,12 @@ def first_cells(section):
     body = TEXT.split(f"\n## {section}\n")[1].split("\n## ")[0]
     rows = [line for line in body.splitlines() if line.startswith("|")][2:]
     return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows]
+
+
+def anchors(page):
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def test_the_first_program_is_short_and_runs():
@@ -45,24 +54,42 @@ def test_the_verbs_are_those_of_the_command_line():
 
 
 def test_the_topics_are_those_of_the_twin():
-    written = {row[1]: (row[0], row[2]) for row in first_cells("ROS 2")}
+    written = {row[1]: (row[0], row[2]) for row in first_cells("ROS 2") if row[0] in ("in", "out")}
     real = {name: (topic.direction, topic.type.replace("/msg/", "/")) for name, topic in TOPICS.items()}
     assert written == real
 
 
+def test_the_launch_files_are_those_that_are_shipped():
+    named = {row[0] for row in first_cells("ROS 2") if row[0].endswith(".launch.py")}
+    assert named == {path.name for path in (ROOT / "ldcs_ros/launch").glob("*.launch.py")}
+
+
+def test_the_steps_of_the_readme_come_in_their_order():
+    headings = re.findall(r"^## (.*)$", TEXT, re.MULTILINE)
+    assert headings[:4] == ["In Python", "Live", "ROS 2", "A rig beside the twin"]
+
+
 def test_the_rooms_are_those_of_the_package():
-    tree = TEXT.split("    ldcs_ros/\n")[1].split("\n\n")[0]
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    tree = page.split("    ldcs_ros/\n")[1].split("\n\n")[0]
     named = set(re.findall(r"([a-z]+)/", tree))
     real = {path.name for path in (ROOT / "ldcs_ros").iterdir() if path.is_dir() and not path.is_symlink()}
     assert {name for name in real if name[0] not in "._"} <= named
 
 
-def test_links_and_pictures_are_there_and_small():
-    targets = re.findall(r"\]\(([^)#]+)\)", TEXT)
-    assert "docs/images/surface.png" in targets
-    for target in targets:
-        if "://" not in target:
-            assert (ROOT / target).is_file(), target
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if "://" in target:
+            continue
+        path, _, anchor = target.partition("#")
+        other = (page.parent / path).resolve() if path else page
+        assert other.is_file(), target
+        assert not anchor or anchor in anchors(other), target
+
+
+def test_pictures_are_small():
+    assert "](docs/images/surface.png)" in TEXT
     for path in (ROOT / "docs" / "images").iterdir():
         assert path.stat().st_size < 300_000, path
         with Image.open(path) as image:
@@ -73,21 +100,21 @@ def test_the_picture_stands_on_the_first_screen():
     assert TEXT.index("docs/images/surface.png") < 1200 and TEXT.index("make sim") < 1800
 
 
-def test_the_commands_parse():
-    lines = re.findall(r"^    ldcs (.*)$", TEXT, re.MULTILINE)
-    assert len(lines) > 2
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_commands_parse(page):
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = re.findall(r"^    ldcs (.*)$", text, re.MULTILINE)
+    assert lines or page.name not in ("README.md", "replay.md")
     for line in lines:
-        verb, *words = line.split()
+        verb, *words = shlex.split(line, comments=True)
         parser = argparse.ArgumentParser(exit_on_error=False)
         import_module(VERBS[verb].module).add_arguments(parser)
         parser.parse_args(words)
 
 
 def test_the_mapping_file_is_one():
-    block = re.search(r"```yaml\n(.*?)```", TEXT, re.DOTALL)[1]
+    page = (ROOT / "docs/replay.md").read_text(encoding="utf-8")
+    block = re.search(r"```yaml\n(.*?)```", page, re.DOTALL)[1]
     mapping = parse_mapping(yaml.safe_load(block))
-    assert len(mapping.commands) == 1 and {source.to for source in mapping.measurements} == {
-        "P0",
-        "P1",
-        "left/pressure",
-    }
+    points = {source.to for source in mapping.measurements}
+    assert len(mapping.commands) == 1 and points == {"P0", "P1", "left/pressure"}
