@@ -40,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--bag", metavar="DIR", type=Path, help="new bag folder; without it nothing is recorded"
     )
     parser.add_argument(
+        "--detail",
+        action="store_true",
+        help="record lattice_state (the whole state in full precision) and solver_status too: a bag about three "
+        "times as large",
+    )
+    parser.add_argument(
         "--settle",
         action="store_true",
         help="start from the rest state; without --duration record that state alone",
@@ -72,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     scene = scene_with(arguments.scene, arguments.overrides)
     began = time.perf_counter()
-    twin = Twin(scene, seed=arguments.seed, accuracy=arguments.accuracy)
+    twin = Twin(scene, seed=arguments.seed, accuracy=arguments.accuracy, detail=arguments.detail)
     recorder = None
     if arguments.bag is not None:
         recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})

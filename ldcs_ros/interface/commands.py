@@ -90,9 +90,9 @@ class Commands:
             self.refuse(refusal, topic)
             raise
         except Exception as error:  # a mistake of ours: the sender is answered and the twin lives on
-            refusal = Refusal("failed", repr(error))
-            self.refuse(refusal, topic)
-            raise refusal from error
+            failure = Refusal("failed", repr(error))
+            self.refuse(failure, topic)
+            raise failure from error
         self.accepted[topic] += 1
         return message
 

@@ -142,7 +142,7 @@ _ALL = (
         on_demand=True,
         recorded=False,
     ),
-    # Our own types, and a bag four times as large: these two are recorded where somebody asks for the detail.
+    # Our own types, and a bag three times as large: these two are recorded where somebody asks for the detail.
     Topic(
         "lattice_state",
         "ldcs_msgs/msg/LatticeState",

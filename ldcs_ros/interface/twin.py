@@ -171,9 +171,8 @@ class Twin:
         # Behind the last event time rests on whole nanoseconds, so that a command's log time is exactly when
         # it acted.
         rest = nanoseconds(seconds) / 1e9
-        if self.time < rest < self.next_time:
-            self._move(rest)
-            self.time = rest
+        if rest < self.next_time:
+            self._go_to(rest)
 
     def advance_to_report(self) -> None:
         """Go on to the next report of the state, exactly one publish period after the last."""

@@ -10,6 +10,8 @@ import time
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from ldcs_ros import load_scene
 from ldcs_ros.interface import recorder as recorder_module
@@ -59,6 +61,20 @@ def test_two_runs_record_the_same_bytes(ldcs, scene_file, tmp_path):
     # Diagnostics tell how long the computer took.
     topics = set(a.topics) - {"/diagnostics"}
     assert list(a.in_order(topics)) == list(b.in_order(topics))
+
+
+def test_a_detailed_bag_holds_the_whole_state_readable_without_this_package(ldcs, scene_file, tmp_path):
+    ldcs("simulate", scene_file, "--duration", "0.1", "--bag", tmp_path / "bag", "--detail")
+    simulation = load_scene(scene_file).build()
+    simulation.advance_to(0.1)
+    with open(tmp_path / "bag" / "bag_0.mcap", "rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        *_, (schema, _, _, last) = reader.iter_decoded_messages(["/ldcs/lattice_state"])
+        *_, (_, _, _, status) = reader.iter_decoded_messages(["/ldcs/solver_status"])
+    assert np.array_equal(last.position, simulation.state.position.ravel())
+    assert np.array_equal(last.link_angle, simulation.state.link_angle.ravel())
+    assert b"node positions in ldcs_base [m]" in schema.data
+    assert status.steps == simulation.statistics.steps and status.integrator == "esdirk43"
 
 
 def test_settling_records_the_rest_state_alone(ldcs, scene_file, tmp_path):

@@ -216,3 +216,25 @@ def test_a_copy_in_sqlite3_replays_like_the_original(recorded, pneumatic, tmp_pa
         for message in original.in_order():
             writer.write(connections[message.topic], message.time, message.cdr)
     assert same(tmp_path / "copy", tmp_path).outcome.applied == 5
+
+
+def test_wrenches_that_act_for_a_while_are_replayed_from_what_they_commanded(recorded, pneumatic, tmp_path):
+    # Reports at 60 Hz are no whole nanoseconds; 1/3 s and its stairs meet them, at either side.
+    push = {"point": "P1", "force": (0.0, 0.0, 0.4), "torque": (0.0, 1e-3, 0.0)}
+    with recorded(pneumatic, publish_rate=60.0, detail=True, frame_prefix="twin1/") as twin:
+        twin.advance_to(1.0 / 60.0)
+        twin.apply_wrench(**push, frame_id="twin1/ldcs_base", duration=1.0 / 3.0, ramp=1.0 / 30.0)
+        twin.advance_to(0.1)
+        twin.apply_wrench(**push, frame_id="P1", duration=0.0, ramp=0.1)
+        twin.receive("pressure_command", pressure_command([3e4]))
+        twin.advance_to(0.15)
+        twin.apply_wrench(**{**push, "force": (0.0, 0.0, -0.2)}, frame_id="P1", duration=0.2, ramp=0.0)
+        twin.advance_to(0.45)
+    done = same(tmp_path / "original", tmp_path)
+    original = read_bag(tmp_path / "original")
+    commands = original.channels["/ldcs/external_wrench"]
+    assert done.outcome.applied == len(commands) + 1 > 15
+    assert commands.messages[0].header.frame_id == "twin1/P1_aligned"
+    states, clouds = (original.channels[f"/ldcs/{name}"] for name in ("lattice_state", "nodes"))
+    assert len(states) == len(clouds) and len(original.channels["/ldcs/solver_status"]) == 5
+    assert states.messages[-1].position.dtype == np.float64
