@@ -37,6 +37,10 @@ class NotNow(Exception):
     """A request that does not fit the present mode; the text says what to do."""
 
 
+class NotActive(NotNow):
+    """A request to a node that is not in the state of its lifecycle in which it can be granted."""
+
+
 class Periodic:
     """A chore of the runner's thread.
 
@@ -157,6 +161,7 @@ class Runner:
             self.mode = Mode.RUNNING
             self.pacer.lift()
             self.meter.restart(self.twin.time)
+            self.twin.solver_report.restart()
             self.twin.watchdog.resume()
 
     def step(self) -> float:
@@ -174,6 +179,24 @@ class Runner:
         """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""
         running = self.mode in (Mode.RUNNING, Mode.FAILED)
         self._go_to_start(self.mode if self.mode is Mode.STOPPED else Mode.PAUSED)
+        if running:
+            self.resume()
+        else:
+            self._show_start()
+
+    def exchange(self, twin: Twin, between: Callable[[], None]) -> None:
+        """Go on with another twin from its start, running unless the old one was stopped; on the runner's thread.
+
+        Args:
+            twin: The new twin.
+            between: Called when the old twin has had its last command.
+        """
+        self._apply_commands()
+        running = self.mode in (Mode.RUNNING, Mode.FAILED)
+        between()
+        self.twin = twin
+        twin.watchdog.suspend()
+        self.mode, self.failure = self.mode if self.mode is Mode.STOPPED else Mode.PAUSED, ""
         if running:
             self.resume()
         else:
@@ -216,6 +239,7 @@ class Runner:
             self._on_finish()
             return
         if self.pacer.wait(due, self._wake):
+            self.twin.overruns = self.pacer.overruns
             self._attempt(self.twin.advance_to_next)
             self._apply_commands()
             self.twin.check_watchdog()

@@ -19,7 +19,7 @@ class Services:
 
     Args:
         node: The node that offers them.
-        runner: Returns the runner, or raises NotNow while the node is not active.
+        runner: Returns the runner, or raises NotActive while the node is not active.
     """
 
     def __init__(self, node: LifecycleNode, runner: Callable[[], Runner]) -> None:

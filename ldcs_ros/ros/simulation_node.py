@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import traceback
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -22,10 +22,13 @@ from ldcs_ros.ros.health import health, interface_states
 from ldcs_ros.ros.optional import installed, missing_line
 from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
-from ldcs_ros.ros.runner import NotNow, Periodic, Runner
+from ldcs_ros.ros.runner import NotActive, NotNow, Periodic, Runner
 from ldcs_ros.ros.services import Services
 from ldcs_ros.ros.status_line import StatusLine
 from ldcs_ros.ros.transport import Transport
+
+if TYPE_CHECKING:
+    from ldcs_ros.ros.simulator.services import SimulatorServices
 
 NODE_NAME = "ldcs_sim"
 DEFAULT_NAMESPACE = "/ldcs"
@@ -59,7 +62,8 @@ class SimulationNode(LifecycleNode):
         self._status: StatusLine | None = None
         self._interfaces: dict[str, str] = {}
         self._is_active = False
-        self._triggers = Services(self, self._active_runner)
+        self._triggers = Services(self, self.active_runner)
+        self._simulator = self._offer_simulator_services()
 
     @classmethod
     def started(cls) -> SimulationNode:
@@ -148,12 +152,39 @@ class SimulationNode(LifecycleNode):
             self._recorder = None
         self._transport.close()
 
-    def _active_runner(self) -> Runner:
-        if self._runner is None:
-            raise NotNow("the node is unconfigured; configure and activate it first")
-        if not self._is_active:
-            raise NotNow(INACTIVE)
+    @property
+    def runner(self) -> Runner | None:
+        """What runs the twin; None while the node is unconfigured."""
         return self._runner
+
+    def active_runner(self) -> Runner:
+        """Return what runs the twin, for those who change something.
+
+        Raises:
+            NotActive: The node is not active.
+        """
+        if self._runner is None:
+            raise NotActive("the node is unconfigured; configure and activate it first")
+        if not self._is_active:
+            raise NotActive(INACTIVE)
+        return self._runner
+
+    def destroy_node(self) -> None:
+        """Leave the graph."""
+        if self._simulator is not None:
+            self._simulator.close()
+            self._simulator = None
+        super().destroy_node()
+
+    def _offer_simulator_services(self) -> SimulatorServices | None:
+        if not installed()["simulation_interfaces"]:
+            return None
+        try:
+            from ldcs_ros.ros.simulator.services import SimulatorServices
+        except ImportError as error:
+            self.get_logger().warning(f"simulation_interfaces cannot be used: {error}")
+            return None
+        return SimulatorServices(self, self)
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -161,6 +192,8 @@ class SimulationNode(LifecycleNode):
     def _build_twin(self) -> Twin:
         present = installed()
         used = {name for name in ("ldcs_msgs",) if present[name]}
+        if self._simulator is not None:
+            used.add("simulation_interfaces")
         if self._value("publish_tf") and present["tf2_msgs"]:
             used.add("tf2_msgs")
         self._interfaces = interface_states(present, used)

@@ -1,0 +1,150 @@
+"""GetEntities, GetEntitiesStates, GetEntityState and GetEntityInfo: what the scene consists of and how it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from geometry_msgs.msg import Vector3
+from simulation_interfaces.msg import EntityCategory, EntityState, Result, TagsFilter
+
+from ldcs_ros.interface.cdr import nanoseconds
+from ldcs_ros.interface.entities import Entities, Entity, Instant, Kind
+from ldcs_ros.interface.entity_motion import Motions
+from ldcs_ros.interface.name_filter import NameFilter
+from ldcs_ros.interface.region import Box, Region, Sphere
+from ldcs_ros.ros.runner import NotActive, Runner
+from ldcs_ros.ros.simulator.answers import Refused
+from ldcs_ros.ros.simulator.host import Host
+
+
+class EntityServices:
+    """Answers for the entities of the runner's twin, also while the node is inactive.
+
+    Args:
+        host: The node.
+    """
+
+    def __init__(self, host: Host) -> None:
+        self._host = host
+        self._of: Any = None
+
+    def names(self, request: Any, response: Any) -> None:
+        """List the entities that pass the filters."""
+        response.entities = [entity.name for entity in self._chosen(request.filters, None)]
+
+    def states(self, request: Any, response: Any) -> None:
+        """List the entities that pass the filters, and their states at one instant."""
+        time, motions = self._look()
+        chosen = self._chosen(request.filters, motions)
+        response.entities = [entity.name for entity in chosen]
+        response.states = [self._state(entity, time, motions) for entity in chosen]
+
+    def state(self, request: Any, response: Any) -> None:
+        """Tell the state of one entity."""
+        entity = self._named(request.entity)
+        response.state = self._state(entity, *self._look())
+
+    def info(self, request: Any, response: Any) -> None:
+        """Tell what an entity is."""
+        entity = self._named(request.entity)
+        response.info.category.category = _category(entity)
+        response.info.description = entity.description
+        response.info.tags = list(entity.tags)
+
+    def refuse_to_set(self, request: Any, response: Any) -> None:
+        """Refuse to put an entity somewhere."""
+        raise Refused(
+            Result.RESULT_FEATURE_UNSUPPORTED,
+            "the sheet cannot be put somewhere: a run must be repeatable from its bag; "
+            "move it by commands, or by external_wrench",
+        )
+
+    def _entities(self) -> Entities:
+        simulation = self._runner().twin.simulation
+        if self._of is not simulation:
+            self._found, self._of = Entities(simulation), simulation
+        return self._found
+
+    def _runner(self) -> Runner:
+        if self._host.runner is None:
+            raise NotActive("no scene is loaded; configure the node first")
+        return self._host.runner
+
+    def _look(self) -> tuple[int, Motions]:
+        # Only the copy is made on the runner's thread, which has deadlines.
+        entities = self._entities()
+        instant: Instant = self._runner().call(entities.instant)
+        return nanoseconds(instant.time), entities.motions(instant)
+
+    def _named(self, name: str) -> Entity:
+        entity = self._entities().all.get(name)
+        if entity is None:
+            reason = (
+                f"no entity {name!r}; GetEntities lists them: points, node_<layer>_<i>_<j>, <arm>_link_<k>"
+            )
+            raise Refused(Result.RESULT_NOT_FOUND, reason)
+        return entity
+
+    def _chosen(self, filters: Any, motions: Motions | None) -> list[Entity]:
+        tags, mode = set(filters.tags.tags), filters.tags.filter_mode
+        if mode not in (TagsFilter.FILTER_MODE_ANY, TagsFilter.FILTER_MODE_ALL):
+            raise Refused(
+                Result.RESULT_OPERATION_FAILED, f"tag filter mode {mode}, expected any (0) or all (1)"
+            )
+        try:
+            names = NameFilter(filters.filter)
+            region = region_of(filters.bounds)
+        except ValueError as error:
+            raise Refused(Result.RESULT_OPERATION_FAILED, str(error)) from error
+        everywhere = None
+        if region is not None:
+            ends = (motions or self._look()[1]).ends
+            everywhere = region.meets(ends[:, 0], ends[:, 1])
+        categories = {one.category for one in filters.categories}
+        return [
+            entity
+            for entity in self._entities().all.values()
+            if names.matches(entity.name)
+            and (not categories or _category(entity) in categories)
+            and (not tags or (tags <= set(entity.tags) if mode else tags & set(entity.tags)))
+            and (everywhere is None or everywhere[entity.row])
+        ]
+
+    def _state(self, entity: Entity, time: int, motions: Motions) -> EntityState:
+        state, row = EntityState(), entity.row
+        state.header.frame_id = self._runner().twin.frames.base
+        state.header.stamp.sec, state.header.stamp.nanosec = divmod(time, 10**9)
+        position, orientation = state.pose.position, state.pose.orientation
+        position.x, position.y, position.z = motions.position[row].tolist()
+        orientation.x, orientation.y, orientation.z, orientation.w = motions.orientation(row)
+        state.twist.linear, state.twist.angular = _vectors(motions.velocity[row], motions.turning[row])
+        accelerations = _vectors(motions.acceleration[row], motions.turning_rate[row])
+        state.acceleration.linear, state.acceleration.angular = accelerations
+        return state
+
+
+def region_of(bounds: Any) -> Region | None:
+    """Return the region that a message Bounds means; None for one without bounds.
+
+    Raises:
+        Refused: Its type is not supported.
+        ValueError: Its points are not what its type asks for.
+    """
+    kinds: dict[int, type[Region]] = {bounds.TYPE_BOX: Box, bounds.TYPE_SPHERE: Sphere}
+    if bounds.type == bounds.TYPE_EMPTY:
+        return None
+    if bounds.type not in kinds:
+        reason = f"bounds of type {bounds.type}, expected a box ({bounds.TYPE_BOX}) or a sphere ({bounds.TYPE_SPHERE})"
+        raise Refused(Result.RESULT_FEATURE_UNSUPPORTED, reason)
+    return kinds[bounds.type].of([(point.x, point.y, point.z) for point in bounds.points])
+
+
+def _category(entity: Entity) -> int:
+    if entity.kind is Kind.LINK:
+        return int(EntityCategory.CATEGORY_ROBOT)
+    return int(EntityCategory.CATEGORY_STATIC_OBJECT if entity.still else EntityCategory.CATEGORY_OBJECT)
+
+
+def _vectors(*vectors: Any) -> Iterable[Vector3]:
+    return [Vector3(x=x, y=y, z=z) for x, y, z in (vector.tolist() for vector in vectors)]
