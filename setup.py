@@ -47,6 +47,8 @@ setup(
     extras_require={
         # What the bridge needs for valve islands (Modbus TCP) and serial lines.
         "rig": ["pymodbus>=3.16", "pyserial"],
+        # What `ldcs view` shows bags and running twins with.
+        "view": ["rerun-sdk>=0.41"],
         # What `ldcs study --scheduler` needs to use more than one machine.
         "cluster": ["distributed"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
@@ -56,6 +58,7 @@ setup(
         "console_scripts": [
             "ldcs = ldcs_ros.cli.main:main",
             "bridge = ldcs_ros.ros.bridge_node:main",
+            "live_view = ldcs_ros.ros.live_view:main",
             "mock_rig = ldcs_ros.ros.mock_rig_node:main",
             "sim = ldcs_ros.ros.sim_node:main",
         ],

@@ -33,3 +33,7 @@ class BridgeError(LdcsError, ValueError):
 
 class LinkError(LdcsError, OSError):
     """A link to a rig is down; the bridge vents, says so and tries again."""
+
+
+class ViewingError(LdcsError, OSError):
+    """A viewer, a browser or a port that is needed to show something is not to be had."""

@@ -31,6 +31,7 @@ VERBS: dict[str, Verb] = {
     "replay": Verb("ldcs_ros.cli.replay", "feed a bag's commands to the twin again, check the outcome"),
     "compare": Verb("ldcs_ros.cli.compare", "compare two bags: numbers, pictures, limits"),
     "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
+    "view": Verb("ldcs_ros.cli.view", "show a bag, or a running twin, in a browser"),
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
     "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),

@@ -1,4 +1,4 @@
-"""The arms as lines for viewers: the links of a chain with its joints, or the arc that an edge is driven onto."""
+"""The arms for viewers: the links of a chain with its joints, or the arc that an edge is driven onto."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.interface import colours
-from ldcs_ros.interface.marker import LINE_STRIP, SPHERE_LIST, Figure
+from ldcs_ros.interface.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, Figure
 from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
 from ldcs_ros.physics.effects.base import Assembly
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point
 
-_WIDTH = 1.25  # of a line, in thicknesses of the sheet: an arm shows above and below it
+_WIDTH = 1.3  # of a link, in thicknesses of the sheet: an arm shows above and below it
 _JOINT = 1.6  # diameter of a joint, likewise
 
 
 class ArmLines:
-    """What is drawn of the arms: for each arm a line along its links and a ball at each joint.
+    """What is drawn of the arms: the links of each arm as cylinders with a ball at each joint; edges as lines.
 
     Args:
         lattice: The lattice.
@@ -57,14 +57,26 @@ class ArmLines:
 
     def figures(self, position: np.ndarray, link_angle: np.ndarray) -> list[Figure]:
         """Return what is drawn for what `lines` takes."""
-        width, size = _WIDTH * self._thickness, _JOINT * self._thickness
+        width = _WIDTH * self._thickness
         drawn = []
         for name, points in self.lines(position, link_angle).items():
-            drawn.append(Figure(name, LINE_STRIP, (width, 0.0, 0.0), colours.ARM, points=points))
             if name in ARM_NAMES:
-                scale = (size, size, size)
+                pairs = zip(points[:-1], points[1:], strict=True)
+                drawn += [_link(f"{name}/link_{k + 1}", *ends, width) for k, ends in enumerate(pairs)]
+                scale = (_JOINT * self._thickness,) * 3
                 drawn.append(Figure(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1]))
+            else:
+                drawn.append(Figure(name, LINE_STRIP, (width, 0.0, 0.0), colours.ARM, points=points))
         return drawn
+
+
+def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> Figure:
+    """Return a cylinder from one point to another [m] in a plane of constant y."""
+    x, _, z = end - start
+    half = 0.5 * np.arctan2(x, z)  # of the turn about y that takes z to the link
+    scale = (width, width, float(np.hypot(x, z)))
+    turn = (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
+    return Figure(name, CYLINDER, scale, colours.ARM, position=0.5 * (start + end), orientation=turn)
 
 
 def _middle(lattice: Lattice, edge: str) -> np.ndarray:

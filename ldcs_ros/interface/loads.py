@@ -17,7 +17,8 @@ from ldcs_ros.physics.points import Point, point_at
 METRES_A_NEWTON = 0.1
 METRES_A_NEWTON_METRE = 1.0
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.002, 0.005, 0.008
-_TEXT_HEIGHT, _TEXT_LIFT = 0.008, 0.014
+_TEXT_HEIGHT, _TEXT_LIFT = 0.008, 0.008
+_ABOVE = np.array([0.0, 0.0, 0.014])
 _STEEL = 7850.0  # kg/m^3: a payload is drawn as the steel ball that weighs as much
 _SMALLEST = 1e-9  # N, N m: less is no arrow
 
@@ -133,7 +134,9 @@ def _drawn(load: Load) -> Iterator[Figure]:
         yield _arrow(name, load.position, METRES_A_NEWTON_METRE * load.torque, colours.TORQUE)
         label.append(f"{torque:.3g} N m")
     if label:
-        place = load.position + np.array([0.0, 0.0, _TEXT_LIFT])
+        # At the arrow's tip, where no other name is written; that of a torque alone above its place.
+        tip = METRES_A_NEWTON * load.force
+        place = load.position + (tip * (1.0 + _TEXT_LIFT / np.linalg.norm(tip)) if tip.any() else _ABOVE)
         size_of_text = (0.0, 0.0, _TEXT_HEIGHT)
         name = f"{load.name}/label"
         yield Figure(name, TEXT, size_of_text, colours.TEXT, position=place, text=", ".join(label))

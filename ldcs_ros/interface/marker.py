@@ -11,13 +11,13 @@ import numpy as np
 from ldcs_ros.interface.cdr import encode, header, message_class
 from ldcs_ros.interface.colours import Colour
 
-ARROW, SPHERE, LINE_STRIP, SPHERE_LIST, TEXT, TRIANGLE_LIST = 0, 2, 4, 7, 9, 11
+ARROW, SPHERE, CYLINDER, LINE_STRIP, SPHERE_LIST, TEXT, TRIANGLE_LIST = 0, 2, 3, 4, 7, 9, 11
 ADD, DELETE_ALL = 0, 3
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What a marker shows, apart from header, number and action; it is not turned.
+    """What a marker shows, apart from header, number and action.
 
     Attributes:
         namespace: Group that viewers list it under.
@@ -25,6 +25,7 @@ class Figure:
         scale: Sizes [m]; what they mean depends on the kind.
         colour: Red, green, blue, opacity, 0 ... 1.
         position: Where its own origin is [m], shape (3,).
+        orientation: How it is turned, unit quaternion x, y, z, w; a cylinder lies along its own z.
         points: Points of the kinds that have some [m], shape (n, 3).
         text: What a text says.
     """
@@ -34,6 +35,7 @@ class Figure:
     scale: tuple[float, float, float]
     colour: Colour
     position: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     points: Sequence[Any] | np.ndarray = ()
     text: str = ""
 
@@ -55,6 +57,7 @@ def marker(
     """
     nothing = np.zeros(0, dtype=np.uint8)
     x, y, z = figure.scale
+    turn = dict(zip("xyzw", figure.orientation, strict=True))
     return message_class("visualization_msgs/msg/Marker")(
         header=head,
         ns=figure.namespace,
@@ -63,7 +66,7 @@ def marker(
         action=action,
         pose=message_class("geometry_msgs/msg/Pose")(
             position=point(figure.position),
-            orientation=message_class("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=0.0, w=1.0),
+            orientation=message_class("geometry_msgs/msg/Quaternion")(**turn),
         ),
         scale=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
         color=rgba(figure.colour),
@@ -104,6 +107,12 @@ def figures_of(message: Any) -> list[Figure]:
             (one.scale.x, one.scale.y, one.scale.z),
             (one.color.r, one.color.g, one.color.b, one.color.a),
             (one.pose.position.x, one.pose.position.y, one.pose.position.z),
+            (
+                one.pose.orientation.x,
+                one.pose.orientation.y,
+                one.pose.orientation.z,
+                one.pose.orientation.w,
+            ),
             [(place.x, place.y, place.z) for place in one.points],
             one.text,
         )

@@ -10,7 +10,8 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.interface import colours
 from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.marker import ARROW, LINE_STRIP, SPHERE, SPHERE_LIST, TEXT
+from ldcs_ros.interface.loads import rotate
+from ldcs_ros.interface.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, TEXT
 from ldcs_ros.interface.markers import MARKER_TOPICS, Markers, Shown
 from ldcs_ros.interface.topics import TOPICS
 from ldcs_ros.interface.traces import LENGTH, STEP, Traces
@@ -103,18 +104,25 @@ def test_the_arms_are_where_the_sheet_is():
     simulation.advance_to(0.5)
     state = simulation.state
     arms = shown(Markers(PAPER), "arms", position=state.position, link_angle=state.link_angle)
-    assert {name: one.type for name, one in arms.items()} == {
-        "left": LINE_STRIP,
-        "left/joints": SPHERE_LIST,
-        "right": LINE_STRIP,
-        "right/joints": SPHERE_LIST,
-    }
-    left = ends(arms["left"])
+    links = [f"{arm}/link_{k}" for arm in ("left", "right") for k in (1, 2, 3, 4)]
+    assert {name for name in arms if arms[name].type == CYLINDER} == set(links)
+    joints = ends(arms["left/joints"])
     edge = state.position[PAPER.lattice.index[:, ::2, -1]].mean(axis=0)
-    assert left[:, [0, 2]] == pytest.approx(edge[:, [0, 2]], abs=1.5e-3)
-    assert left[:, 1] == pytest.approx(0.06125)  # the middle of the one cell that it covers
-    assert left[-1, 2] > 0.02
-    assert len(ends(arms["left/joints"])) == 4
+    assert joints[:, [0, 2]] == pytest.approx(edge[:-1, [0, 2]], abs=1.5e-3)
+    assert joints[:, 1] == pytest.approx(0.06125)  # the middle of the one cell that it covers
+
+
+def test_a_link_reaches_from_joint_to_joint():
+    angles = np.array([[0.1, 0.4, 0.9, 1.2], [0.0, 0.0, 0.0, 0.0]])
+    arms = shown(Markers(PAPER), "arms", link_angle=angles)
+    joints = ends(arms["left/joints"])
+    for k in range(3):
+        link = arms[f"left/link_{k + 1}"]
+        turn, middle = link.pose.orientation, link.pose.position
+        along = rotate(np.array([turn.x, turn.y, turn.z, turn.w]), (0.0, 0.0, 0.5 * link.scale.z))
+        assert np.array([middle.x, middle.y, middle.z]) - along == pytest.approx(joints[k])
+        assert np.array([middle.x, middle.y, middle.z]) + along == pytest.approx(joints[k + 1])
+    assert arms["right/link_1"].scale.z == pytest.approx(0.035)
 
 
 def test_driven_edges_are_drawn_as_they_stand():

@@ -28,13 +28,14 @@ ALLOWED = {
     "identify": CORE | {"recording", "interface", "mapping", "replay", "compare"},
     "plotting": CORE | {"recording", "interface"},
     "study": CORE | {"plotting"},
+    "viewing": CORE | {"recording", "interface", "plotting"},
     "mapping": {"errors"},
     "compare": CORE | {"recording", "mapping", "plotting"},
     "replay": CORE | {"recording", "interface", "mapping", "plotting"},
     "cli": CORE
     | {"sensors", "recording", "interface", "plotting", "mapping"}
-    | {"replay", "compare", "validate", "identify", "study"},
-    "ros": CORE | {"sensors", "recording", "interface", "bridge"},
+    | {"replay", "compare", "validate", "identify", "study", "viewing"},
+    "ros": CORE | {"sensors", "recording", "interface", "bridge", "viewing"},
     "estimate": CORE,
     "bridge": CORE | {"sensors", "recording", "interface", "estimate", "mapping"},
     "__main__": {"cli"},

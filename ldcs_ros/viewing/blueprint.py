@@ -1,0 +1,95 @@
+"""What the viewer opens with: the sheet at the left, the courses of points and drives at the right."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.viewing.library import rerun
+from ldcs_ros.viewing.stage import ARMS, LOADS, PLOTS, POINTS, SURFACE, TIMELINE, TRACES
+
+_PAPER, _GREY = (250, 250, 250, 255), (120, 120, 120, 110)
+_GRID = 0.02  # m between two lines of the floor
+_EYE, _TARGET = (0.9, -1.3, 1.0), (0.5, 0.0, 0.08)  # lengths of the sheet
+
+
+def blueprint(
+    points: Iterable[str],
+    plots: Mapping[str, str],
+    *,
+    size: np.ndarray | None = None,
+    play: str = "playing",
+    frame: bool = True,
+) -> Any:
+    """Return the rerun blueprint.
+
+    Args:
+        points: Named points that have a trace.
+        plots: Path of each plot by its title.
+        size: Length, width and thickness of the sheet [m]; None for the paper's.
+        play: 'playing', 'paused' or 'following' what is newest.
+        frame: Show the viewer's own menu bar.
+    """
+    rrb = _module()
+    views = [
+        rrb.TimeSeriesView(
+            origin=f"/{PLOTS}/{path}", name=title, plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop)
+        )
+        for title, path in plots.items()
+    ]
+    rows = [_tabs(rrb, group) for group in _grouped(list(plots), views)]
+    sheet = _sheet(rrb, points, 0.14 if size is None else float(size[0]))
+    parts = [sheet, rrb.Vertical(*rows)] if rows else [sheet]
+    return rrb.Blueprint(
+        rrb.Horizontal(*parts, column_shares=[3, 2][: len(parts)]),
+        rrb.TopPanel(state="expanded" if frame else "hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=play, loop_mode="off"),
+        auto_views=False,
+    )
+
+
+def _module() -> Any:
+    rerun()
+    return importlib.import_module("rerun.blueprint")
+
+
+def _sheet(rrb: Any, points: Iterable[str], length: float) -> Any:
+    so_far = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    floor = rerun().components.Plane3D.XY.with_distance(-0.25 * length)
+    return rrb.Spatial3DView(
+        origin="/",
+        name="surface, coloured by height",
+        contents=[f"+ /{one}/**" for one in (SURFACE, ARMS, LOADS, POINTS, TRACES)],
+        background=rrb.Background(color=_PAPER),
+        line_grid=rrb.LineGrid3D(visible=True, spacing=_GRID, color=_GREY, stroke_width=0.6, plane=floor),
+        eye_controls=rrb.EyeControls3D(
+            kind=rrb.Eye3DKind.Orbital,
+            # From the side: the bent sheet, and beyond its free edge the way of P1.
+            position=tuple(length * part for part in _EYE),
+            look_target=tuple(length * part for part in _TARGET),
+            eye_up=(0.0, 0.0, 1.0),
+        ),
+        overrides={f"/{TRACES}/{name}": so_far for name in points},
+    )
+
+
+def _grouped(titles: list[str], views: list[Any]) -> list[list[Any]]:
+    """Return the views row by row: a row for each point, and one for all that drives."""
+    rows: dict[str, list[Any]] = {}
+    for title, view in zip(titles, views, strict=True):
+        owner = title.split(" ")[0] if ": " in title else ""
+        rows.setdefault(owner, []).append(view)
+    return list(rows.values())
+
+
+def _tabs(rrb: Any, views: list[Any]) -> Any:
+    return views[0] if len(views) == 1 else rrb.Tabs(*views)

@@ -1,0 +1,168 @@
+"""A bag written as a rerun recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import RecordingError, ViewingError
+from ldcs_ros.interface.markers import Markers
+from ldcs_ros.plotting.tracks import (
+    CLOUD,
+    Track,
+    joint_tracks,
+    point_tracks,
+    pressure_tracks,
+    seconds,
+)
+from ldcs_ros.viewing.blueprint import blueprint
+from ldcs_ros.viewing.library import new_stream
+from ldcs_ros.viewing.moments import Moment, moments, scene_of, topic_of
+from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
+
+MOST_SURFACES = 3000
+"""Surfaces that are shown of a long bag, evenly spread: a browser holds them in its memory."""
+
+MM, KPA = 1e3, 1e-3
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes:
+        start: First time that is shown [s].
+        end: Last time that is shown [s].
+        surfaces: Surfaces that are shown.
+        every: One out of so many recorded surfaces is shown.
+        points: Named points.
+        plots: What is plotted.
+    """
+
+    start: float
+    end: float
+    surfaces: int
+    every: int
+    points: tuple[str, ...]
+    plots: tuple[str, ...]
+
+
+def write_bag(
+    recording: Any,
+    path: Path,
+    *,
+    until: float = math.inf,
+    play: str = "playing",
+    frame: bool = True,
+    most_surfaces: int = MOST_SURFACES,
+    progress: Callable[[float], None] | None = None,
+) -> Written:
+    """Write what a bag shows into a .rrd file: surface, arms, loads, points, traces, plots, and the layout.
+
+    Args:
+        recording: A Recording.
+        path: File to write.
+        until: Last time that is shown [s].
+        play: What the viewer does with it: 'playing', 'paused' at the start, or 'following' at the end.
+        frame: Show the viewer's own menu bar.
+        most_surfaces: Surfaces that are shown at most.
+        progress: Called with the part that is done, 0 ... 1.
+
+    Raises:
+        RecordingError: The bag holds neither surface nor points until then.
+        ViewingError: The viewer's library is missing, or the file cannot be written.
+    """
+    scene = scene_of(recording)
+    clouds = topic_of(recording, "nodes", CLOUD)
+    truth, measured = (_cut(point_tracks(recording, truth=kind), until) for kind in (True, False))
+    if clouds is None and not truth and not measured:
+        raise RecordingError(
+            f"{recording.name} holds neither a surface ('nodes') nor poses of points up to {until:g} s, only "
+            f"{sorted(recording.topics)}; there is nothing to show"
+        )
+    stream = new_stream(Path(recording.name).name)
+    try:
+        stream.save(path)
+    except Exception as error:  # the library raises what its own layers raise
+        raise ViewingError(f"{path} cannot be written: {error}") from error
+    stage = Stage(stream, length=None if scene is None else float(scene.lattice.size[0]))
+    for name, track in (truth or measured).items():
+        thin = slice(None, None, max(1, math.ceil(len(track.time) / (4 * most_surfaces))))
+        stage.points(track.time[thin], {name: track.value[thin]})
+    _write_courses(stage, recording, scene, truth, measured, until)
+    # First the layout: a viewer that plays what comes before it knows that it should wait would show a bit of it.
+    size = None if scene is None else np.asarray(scene.lattice.size)
+    layout = blueprint(stage.point_names, stage.plots, size=size, play=play, frame=frame)
+    stream.send_blueprint(layout)
+    stream.flush()
+    every = 1 if clouds is None else max(1, math.ceil(recording.counts[clouds] / most_surfaces))
+    times: list[float] = []
+    if clouds is not None:
+        markers = None if scene is None else Markers(scene)
+        for moment in moments(recording, scene, every=every):
+            time = float(seconds(np.array([moment.time]), recording.start)[0])
+            if time > until:
+                break
+            times.append(time)
+            _show(stage, markers, time, moment)
+            if progress is not None:
+                progress((moment.time - recording.start) / max(recording.end - recording.start, 1))
+    stream.disconnect()
+    present = np.concatenate([np.asarray(times), *(track.time for track in (truth or measured).values())])
+    if not present.size:
+        raise RecordingError(f"{recording.name} holds nothing up to {until:g} s; choose a later time")
+    shown = (len(times), every, tuple(stage.point_names), tuple(stage.plots))
+    return Written(float(present.min()), float(present.max()), *shown)
+
+
+def _show(stage: Stage, markers: Markers | None, time: float, moment: Moment) -> None:
+    stage.sheet(time, moment.nodes, moment.shown.position)
+    if markers is not None:
+        stage.figures(ARMS, time, markers.figures("arms", moment.shown))
+        stage.figures(LOADS, time, markers.figures("loads", moment.shown))
+
+
+def _write_courses(
+    stage: Stage,
+    recording: Any,
+    scene: Any | None,
+    truth: dict[str, Track],
+    measured: dict[str, Track],
+    until: float,
+) -> None:
+    """Write the curves of points and drives."""
+    rest = {} if scene is None else scene.lattice.rest_position
+    for name in sorted({*truth, *measured}):
+        origin = (truth if name in truth else measured)[name].first
+        if scene is not None and name in scene.points:
+            origin = scene.points[name].position(rest)
+        for tracks, plot, dots in ((truth, f"{name} state", False), (measured, f"{name} tracker", True)):
+            if name in tracks:
+                moved = MM * (tracks[name].value - origin)
+                stage.curves(f"{plot}: displacement [mm]", _AXES, tracks[name].time, moved, dots=dots)
+    for arm, track in _cut(pressure_tracks(recording), until).items():
+        stage.curves("pressure [kPa, absolute]", [arm], track.time, KPA * track.value[:, None])
+    joints = joint_tracks(recording)
+    if joints is not None:
+        names, angle, torque = joints
+        drives = {"drive torque [N m]": torque, "joint angle [deg]": angle}
+        for plot, track in _cut(drives, until).items():
+            if track.value.size:
+                factor = np.rad2deg(1.0) if "deg" in plot else 1.0
+                stage.curves(plot, names, track.time, factor * track.value)
+
+
+def _cut(tracks: Mapping[str, Track], until: float) -> dict[str, Track]:
+    """Return tracks up to a time [s], without those that have not begun by then."""
+    kept = {name: track.time <= until for name, track in tracks.items()}
+    return {
+        name: Track(track.time[kept[name]], track.value[kept[name]])
+        for name, track in tracks.items()
+        if kept[name].any()
+    }

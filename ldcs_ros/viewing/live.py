@@ -1,0 +1,131 @@
+"""A running twin shown as its messages come; who brings them is no matter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.interface.cdr import decode
+from ldcs_ros.interface.marker import figures_of
+from ldcs_ros.plotting.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
+from ldcs_ros.viewing.blueprint import blueprint
+from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
+
+MARKERS = "visualization_msgs/msg/MarkerArray"
+MM, KPA = 1e3, 1e-3
+_BACK = 1e-6  # s: by more than this, time has gone back
+
+
+def is_shown(topic: str, message_type: str) -> bool:
+    """Tell whether a topic of a twin, by its name in the twin's namespace, is one that a view shows."""
+    last = topic.split("/")[-1]
+    return (last, message_type) in {
+        ("nodes", CLOUD),
+        ("pose", POSE),
+        ("joint_states", JOINTS),
+        ("pressure", PRESSURE),
+        (ARMS, MARKERS),
+        (LOADS, MARKERS),
+    } and not topic.startswith(("estimate/", "rig/"))
+
+
+class LiveShow:
+    """Collects messages and draws them when it is told to, surfaces and markers no oftener than that.
+
+    When time goes back, as at a reset of the twin, a new recording begins.
+
+    Args:
+        new_stream: Makes an empty rerun stream that goes to the viewer.
+    """
+
+    def __init__(self, new_stream: Callable[[], Any]) -> None:
+        self._new_stream = new_stream
+        self._latest: dict[str, tuple[str, bytes]] = {}
+        self._rows: dict[str, list[tuple[float, np.ndarray]]] = {}
+        self._joint_names: tuple[str, ...] = ()
+        self._time = -np.inf
+        self._surfaces = 0
+        self._begin()
+
+    def receive(self, topic: str, message_type: str, cdr: bytes) -> None:
+        """Take one message of a topic that `is_shown`; the topic's name is relative to the twin's namespace."""
+        if message_type in (CLOUD, MARKERS):
+            self._latest[topic] = (message_type, cdr)
+            return
+        message = decode(message_type, cdr)
+        time = _stamp(message)
+        if message_type == POSE:
+            place = message.pose.position
+            self._add(topic, time, [place.x, place.y, place.z])
+        elif message_type == PRESSURE:
+            self._add(topic, time, [message.fluid_pressure])
+        else:
+            self._joint_names = tuple(message.name)
+            self._add(topic, time, [*message.effort, *message.position])
+
+    def draw(self) -> int:
+        """Draw what came since it was last drawn; return how many surfaces have been drawn in all."""
+        latest, self._latest = self._latest, {}
+        rows, self._rows = self._rows, {}
+        decoded = {topic: decode(*taken) for topic, taken in latest.items()}
+        times = [_stamp(one) for one in decoded.values() if hasattr(one, "header")]
+        times += [row[0][0] for row in rows.values()]
+        if times and max(times) < self._time - _BACK:
+            self._begin()
+        self._time = max([self._time, *times])
+        for topic, message in decoded.items():
+            if topic == "nodes":
+                self._surfaces += 1
+                nodes = (message.height // 2, message.width)
+                self._stage.sheet(_stamp(message), nodes, cloud_positions(message))
+            elif len(message.markers) > 0:
+                entity = ARMS if topic == ARMS else LOADS
+                self._stage.figures(entity, _stamp(message.markers[0]), figures_of(message))
+        for topic, row in rows.items():
+            self._draw_rows(topic, np.array([time for time, _ in row]), np.array([value for _, value in row]))
+        self._lay_out()
+        return self._surfaces
+
+    def _begin(self) -> None:
+        self._stream = self._new_stream()
+        self._stage = Stage(self._stream)
+        self._time = -np.inf
+        self._surfaces = 0
+        self._origins: dict[str, np.ndarray] = {}
+        self._laid_out: tuple[Any, ...] = ()
+
+    def _add(self, topic: str, time: float, values: list[float]) -> None:
+        self._rows.setdefault(topic, []).append((time, np.array(values)))
+
+    def _draw_rows(self, topic: str, times: np.ndarray, values: np.ndarray) -> None:
+        parts = topic.split("/")
+        if parts[-1] == "pose":
+            name, truth = parts[-2], parts[0] == "truth"
+            origin = self._origins.setdefault(name, values[0])
+            if truth:
+                self._stage.points(times, {name: values})
+            title = f"{name} {'state' if truth else 'tracker'}: moved since the view began [mm]"
+            self._stage.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
+        elif parts[-1] == "pressure":
+            self._stage.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)
+        else:
+            half = values.shape[1] // 2
+            self._stage.curves("drive torque [N m]", self._joint_names, times, values[:, :half])
+            angle = np.rad2deg(values[:, half:])
+            self._stage.curves("joint angle [deg]", self._joint_names, times, angle)
+
+    def _lay_out(self) -> None:
+        there = (tuple(self._stage.point_names), tuple(self._stage.plots))
+        if there != self._laid_out and self._surfaces > 0:
+            self._laid_out = there
+            self._stream.send_blueprint(
+                blueprint(self._stage.point_names, dict(sorted(self._stage.plots.items())), play="following")
+            )
+
+
+def _stamp(message: Any) -> float:
+    """Return the time of a message with a header [s]."""
+    stamp = message.header.stamp
+    return float(stamp.sec + 1e-9 * stamp.nanosec)

@@ -1,0 +1,238 @@
+"""The web site of a view: the viewer's page, and the recording or the live data, on 127.0.0.1 alone."""
+
+from __future__ import annotations
+
+import ctypes
+import http.client
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode, urlsplit
+
+from ldcs_ros.errors import ViewingError
+from ldcs_ros.viewing.library import program, quiet_environment
+
+HOST = "127.0.0.1"
+RECORDING = "/recording.rrd"
+_START_TIMEOUT = 20.0
+_PIECE = 1 << 16
+_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+
+
+class Site:
+    """What a browser opens.
+
+    Args:
+        port: Port of the page.
+        data_url: Where the page takes its data from: a .rrd file, or the viewer's live server.
+
+    Attributes:
+        data_url: The same.
+    """
+
+    def __init__(self, port: int, data_url: str) -> None:
+        self._port = port
+        self.data_url = data_url
+
+    @property
+    def address(self) -> str:
+        """Address to open."""
+        return f"http://{HOST}:{self._port}/"
+
+
+@contextmanager
+def bag_site(recording: Path, port: int) -> Iterator[Site]:
+    """Serve a .rrd file with the viewer.
+
+    Args:
+        recording: The file.
+        port: Port of the page; 0 for any.
+
+    Raises:
+        ViewingError: The port is taken, or the viewer does not start.
+    """
+    with _gate(port, recording) as gate:
+        gate.data_url = f"http://{HOST}:{gate.server_port}{RECORDING}"
+        with _viewer_program(gate, [gate.data_url]):
+            yield Site(gate.server_port, gate.data_url)
+
+
+@contextmanager
+def live_site(port: int, *, memory: str) -> Iterator[Site]:
+    """Serve the viewer with a server that takes data as they come; a stream connects to the site's `data_url`.
+
+    Args:
+        port: Port of the page; 0 for any.
+        memory: What the server keeps for browsers that come late, such as '1GiB'; the oldest goes first.
+
+    Raises:
+        ViewingError: The port is taken, or the viewer does not start.
+    """
+    with _gate(port, None) as gate:
+        data_port = _free_port()
+        gate.data_origin = f"http://{HOST}:{data_port}"
+        gate.data_url = f"rerun+{gate.data_origin}/proxy"
+        with _viewer_program(gate, ["--port", str(data_port), "--server-memory-limit", memory]):
+            yield Site(gate.server_port, gate.data_url)
+
+
+class _Gate(ThreadingHTTPServer):
+    """Hands the viewer's page on, with a policy that keeps it from talking to anybody but us."""
+
+    daemon_threads = True
+
+    def __init__(self, port: int, recording: Path | None) -> None:
+        super().__init__((HOST, port), _Handler)
+        self.recording = recording
+        self.data_url = ""
+        self.data_origin = ""
+        self.viewer_port = 0
+
+    @property
+    def policy(self) -> str:
+        """The content security policy: the page asks for fonts and reports its use on the internet otherwise."""
+        inline = "'self' 'unsafe-inline'"
+        return (
+            f"default-src 'self'; script-src {inline} 'unsafe-eval' 'wasm-unsafe-eval'; style-src {inline}; "
+            f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' {self.data_origin}"
+        )
+
+    @property
+    def page_query(self) -> str:
+        """What the page is asked for: our data, nothing kept in the browser."""
+        asked = {"url": self.data_url, "hide_welcome_screen": "1", "persist": "0", "theme": "light"}
+        return urlencode(asked, quote_via=quote)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that goes away while it is served is no error."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Gate
+
+    def do_GET(self) -> None:
+        parts = urlsplit(self.path)
+        # Other names for this machine could be a foreign page that has itself resolved to it.
+        if self.headers.get("Host", "").partition(":")[0] not in (HOST, "localhost"):
+            self.send_error(403, "open this page as http://127.0.0.1")
+        elif parts.path == RECORDING and self.server.recording is not None:
+            self._send_file(self.server.recording)
+        elif self.path == "/":
+            # What the page shows is part of its address; which one need not be typed.
+            self.send_response(302)
+            self.send_header("Location", f"/?{self.server.page_query}")
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+        else:
+            self._hand_on(self.path)
+
+    def log_message(self, *_: Any) -> None:
+        """Nothing: the terminal belongs to whoever started the view."""
+
+    def _send_file(self, path: Path) -> None:
+        with open(path, "rb") as stream:
+            self.send_response(200)
+            self.send_header("Content-Type", "application/octet-stream")
+            self.send_header("Content-Length", str(path.stat().st_size))
+            self.end_headers()
+            while piece := stream.read(_PIECE):
+                self.wfile.write(piece)
+
+    def _hand_on(self, path: str) -> None:
+        connection = http.client.HTTPConnection(HOST, self.server.viewer_port, timeout=_START_TIMEOUT)
+        try:
+            connection.request("GET", path, headers={"Accept-Encoding": "identity"})
+            answer = connection.getresponse()
+            self.send_response(answer.status)
+            for name, value in answer.getheaders():
+                if name.lower() not in ("connection", "date", "server", "transfer-encoding"):
+                    self.send_header(name, value)
+            self.send_header("Content-Security-Policy", self.server.policy)
+            self.send_header("Referrer-Policy", "no-referrer")
+            self.end_headers()
+            while piece := answer.read(_PIECE):
+                self.wfile.write(piece)
+        except OSError:
+            self.close_connection = True
+        finally:
+            connection.close()
+
+
+@contextmanager
+def _gate(port: int, recording: Path | None) -> Iterator[_Gate]:
+    try:
+        gate = _Gate(port, recording)
+    except OSError as error:
+        raise ViewingError(
+            f"port {port} of {HOST} cannot be used: {error.strerror}; give another with --port, or 0 for any"
+        ) from error
+    thread = threading.Thread(target=gate.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+    thread.start()
+    try:
+        yield gate
+    finally:
+        gate.shutdown()
+        gate.server_close()
+        thread.join()
+
+
+@contextmanager
+def _viewer_program(gate: _Gate, arguments: list[str]) -> Iterator[None]:
+    gate.viewer_port = _free_port()
+    command = [str(program()), "--serve-web", "--bind", HOST, "--web-viewer-port", str(gate.viewer_port)]
+    with quiet_environment() as environment:
+        process = subprocess.Popen(
+            [*command, *arguments],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            # Ctrl-C is for us; it ends when we do, however that comes.
+            start_new_session=True,
+            preexec_fn=_die_with_parent if sys.platform == "linux" else None,
+        )
+        try:
+            _wait_for(process, gate.viewer_port)
+            yield
+        finally:
+            process.terminate()
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            assert process.stderr is not None
+            process.stderr.close()
+
+
+def _wait_for(process: subprocess.Popen[bytes], port: int) -> None:
+    deadline = time.monotonic() + _START_TIMEOUT
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            assert process.stderr is not None
+            said = process.stderr.read().decode(errors="replace").strip().splitlines()
+            raise ViewingError(f"the viewer ended with status {process.returncode}: {(said or ['-'])[-1]}")
+        with socket.socket() as attempt:
+            if attempt.connect_ex((HOST, port)) == 0:
+                return
+        time.sleep(0.02)
+    raise ViewingError(f"the viewer did not answer on port {port} within {_START_TIMEOUT:g} s")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _die_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGTERM)

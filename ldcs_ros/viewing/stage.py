@@ -1,0 +1,219 @@
+"""The stage: what is shown of a twin, written to a rerun recording; the same for a bag and for a running twin."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from ldcs_ros.interface import colours
+from ldcs_ros.interface.loads import rotate
+from ldcs_ros.interface.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, SPHERE_LIST, TEXT, Figure
+from ldcs_ros.plotting.style import AXIS_COLOURS, LINE_COLOURS
+from ldcs_ros.viewing.library import rerun
+from ldcs_ros.viewing.mesh import ShadedMesh
+
+TIMELINE = "time"
+SURFACE, NODES, ARMS, LOADS = "sheet/surface", "sheet/nodes", "arms", "loads"
+POINTS, TRACES, PLOTS = "points", "traces", "plots"
+
+_NODE_RADIUS, _POINT_RADIUS, _TRACE_RADIUS = 0.0006, 0.0032, 0.0007  # m
+_NODE_COLOUR = (30, 30, 30, 255)
+
+
+class Stage:
+    """Writes what is shown; each call belongs to one time or to a row of times.
+
+    Args:
+        stream: A rerun recording stream.
+        length: Length of the sheet along x, which scales the colours [m]; None takes it from the first sheet.
+
+    Attributes:
+        plots: Path of each plot by its title, in the order in which they came.
+    """
+
+    def __init__(self, stream: Any, *, length: float | None = None) -> None:
+        self._rr = rerun()
+        self._stream = stream
+        self._length = length
+        self._meshes: dict[tuple[int, int], ShadedMesh] = {}
+        self._static: set[str] = set()
+        self._shown: set[str] = set()
+        self._last_place: dict[str, np.ndarray] = {}
+        self.plots: dict[str, str] = {}
+        stream.log("/", self._rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+    @property
+    def point_names(self) -> list[str]:
+        """Points that were shown."""
+        return sorted(self._last_place)
+
+    def sheet(self, time: float, nodes: tuple[int, int], position: np.ndarray) -> None:
+        """Show the sheet at a time [s]: node positions [m], shape (n_nodes, 3), nodes along x and y."""
+        if self._length is None:
+            # Along its bottom, which is as long when it is bent.
+            rows = position.reshape(2, *nodes, 3)[0]
+            self._length = float(np.linalg.norm(np.diff(rows, axis=0), axis=-1).sum(axis=0).mean())
+        mesh = self._meshes.setdefault(nodes, ShadedMesh(nodes))
+        rr, stream = self._rr, self._stream
+        stream.set_time(TIMELINE, duration=time)
+        if SURFACE not in self._static:
+            self._static.add(SURFACE)
+            stream.log(SURFACE, rr.Mesh3D.from_fields(triangle_indices=mesh.triangles), static=True)
+            looks = rr.Points3D.from_fields(radii=_NODE_RADIUS, colors=[_NODE_COLOUR])
+            stream.log(NODES, looks, static=True)
+        place, normal = mesh.corners(position)
+        painted = mesh.colours(position, self._length)
+        stream.log(
+            SURFACE,
+            rr.Mesh3D.from_fields(vertex_positions=place, vertex_normals=normal, vertex_colors=painted),
+        )
+        stream.log(NODES, rr.Points3D.from_fields(positions=position.astype(np.float32)))
+
+    def figures(self, entity: str, time: float, figures: Iterable[Figure]) -> None:
+        """Show the figures of a marker topic at a time [s], in place of what it showed before."""
+        self._stream.set_time(TIMELINE, duration=time)
+        by_kind: dict[str, list[Figure]] = {"lines": [], "links": [], "balls": [], "arrows": [], "labels": []}
+        for figure in figures:
+            by_kind[_KINDS[figure.kind]].append(figure)
+        for kind, some in by_kind.items():
+            path = f"{entity}/{kind}"
+            # What was shown is taken away; what never was costs nothing.
+            if some or path in self._shown:
+                self._stream.log(path, self._archetype(kind, some))
+                self._shown.add(path)
+
+    def points(self, times: np.ndarray, places: dict[str, np.ndarray]) -> None:
+        """Show named points and go on with their traces.
+
+        Args:
+            times: Times [s], shape (n,).
+            places: Positions [m], shape (n, 3), by point.
+        """
+        rr = self._rr
+        for name, place in sorted(places.items()):
+            place = np.asarray(place, dtype=np.float32)
+            number = list(self._last_place).index(name) if name in self._last_place else len(self._last_place)
+            colour = _bytes(colours.of_point(number))
+            if f"{POINTS}/{name}" not in self._static:
+                self._static.add(f"{POINTS}/{name}")
+                looks = rr.Points3D.from_fields(radii=_POINT_RADIUS, colors=[colour], labels=[name])
+                self._stream.log(f"{POINTS}/{name}", looks, static=True)
+                looks = rr.LineStrips3D.from_fields(radii=_TRACE_RADIUS, colors=[colour])
+                self._stream.log(f"{TRACES}/{name}", looks, static=True)
+            index = [rr.TimeColumn(TIMELINE, duration=times)]
+            self._stream.send_columns(
+                f"{POINTS}/{name}", indexes=index, columns=rr.Points3D.columns(positions=place)
+            )
+            before = np.concatenate([[self._last_place.get(name, place[0])], place[:-1]])
+            pieces = np.stack([before, place], axis=1)
+            self._stream.send_columns(
+                f"{TRACES}/{name}", indexes=index, columns=rr.LineStrips3D.columns(strips=pieces)
+            )
+            self._last_place[name] = place[-1]
+
+    def curves(
+        self, plot: str, names: Sequence[str], times: np.ndarray, values: np.ndarray, *, dots: bool = False
+    ) -> None:
+        """Go on with curves of a plot.
+
+        Args:
+            plot: Title of the plot, with unit.
+            names: Curves.
+            times: Times [s], shape (n,).
+            values: Values, shape (n, n_names).
+            dots: Draw dots in place of lines.
+        """
+        rr = self._rr
+        place = f"{PLOTS}/{self.plots.setdefault(plot, _path_of(plot))}"
+        for number, name in enumerate(names):
+            path = f"{place}/{name}"
+            if path not in self._static:
+                self._static.add(path)
+                looks: dict[str, Any] = {"colors": [_curve_colour(name, number)], "names": [name]}
+                style = (
+                    rr.SeriesPoints.from_fields(marker_sizes=[1.5], markers=["circle"], **looks)
+                    if dots
+                    else rr.SeriesLines.from_fields(widths=[2.0], **looks)
+                )
+                self._stream.log(path, style, static=True)
+            self._stream.send_columns(
+                path,
+                indexes=[rr.TimeColumn(TIMELINE, duration=times)],
+                columns=rr.Scalars.columns(scalars=np.asarray(values[:, number], dtype=float)),
+            )
+
+    def _archetype(self, kind: str, figures: list[Figure]) -> Any:
+        rr, painted = self._rr, [_bytes(figure.colour) for figure in figures]
+        if kind == "lines":
+            strips = [np.asarray(figure.points, dtype=np.float32) for figure in figures]
+            return rr.LineStrips3D(
+                strips, radii=[0.5 * figure.scale[0] for figure in figures], colors=painted
+            )
+        if kind == "arrows":
+            ends = np.array([figure.points for figure in figures], dtype=np.float32).reshape(-1, 2, 3)
+            radii = [figure.scale[0] for figure in figures]
+            return rr.Arrows3D(
+                origins=ends[:, 0], vectors=ends[:, 1] - ends[:, 0], radii=radii, colors=painted
+            )
+        if kind == "links":
+            return rr.Capsules3D(
+                lengths=[figure.scale[2] for figure in figures],
+                radii=[0.5 * figure.scale[0] for figure in figures],
+                # A capsule begins at its origin, a cylinder of ROS has its middle there.
+                translations=np.reshape([_foot(figure) for figure in figures], (-1, 3)),
+                quaternions=np.reshape([figure.orientation for figure in figures], (-1, 4)),
+                colors=painted,
+                fill_mode="solid",
+            )
+        if kind == "balls":
+            groups = [np.reshape(f.points if len(f.points) else [f.position], (-1, 3)) for f in figures]
+            sizes = [len(group) for group in groups]
+            return rr.Points3D(
+                np.concatenate([np.zeros((0, 3)), *groups]),
+                radii=np.repeat([0.5 * figure.scale[0] for figure in figures], sizes),
+                colors=np.repeat(np.array(painted, dtype=np.uint8).reshape(-1, 4), sizes, axis=0),
+            )
+        places = np.reshape([figure.position for figure in figures], (-1, 3))
+        return rr.Points3D(places, radii=1e-4, colors=painted, labels=[figure.text for figure in figures])
+
+
+_KINDS = {
+    LINE_STRIP: "lines",
+    CYLINDER: "links",
+    SPHERE: "balls",
+    SPHERE_LIST: "balls",
+    ARROW: "arrows",
+    TEXT: "labels",
+}
+
+
+def _bytes(colour: Iterable[float]) -> tuple[int, ...]:
+    return tuple(round(255.0 * channel) for channel in colour)
+
+
+def _foot(cylinder: Figure) -> np.ndarray:
+    """Return where a cylinder begins [m], shape (3,)."""
+    along = rotate(np.array(cylinder.orientation), (0.0, 0.0, 1.0))
+    return np.asarray(cylinder.position) - 0.5 * cylinder.scale[2] * along
+
+
+def _path_of(title: str) -> str:
+    """Return a title as part of a path: words joined, without what stands behind ':' or '['."""
+    return "_".join(re.split(r"[:\[]", title)[0].split())
+
+
+def _curve_colour(name: str, number: int) -> tuple[int, ...]:
+    """Return the colour of a curve: of its axis or joint; the right arm's are paler than the left's."""
+    if name == "right":
+        number = 1
+    if name in AXIS_COLOURS:
+        return _bytes(to_rgb(AXIS_COLOURS[name]))
+    arm, _, joint = name.partition("_joint_")
+    if not joint.isdecimal():
+        return _bytes(to_rgb(LINE_COLOURS[number % len(LINE_COLOURS)]))
+    colour = np.array(to_rgb(LINE_COLOURS[(int(joint) - 1) % len(LINE_COLOURS)]))
+    return _bytes(colour if arm == "left" else 1.0 - 0.6 * (1.0 - colour))
