@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ldcs_ros.errors import CommandError
 from ldcs_ros.interface.topics import BASE_FRAME, TRACKER_FRAME
 
 
@@ -13,9 +14,16 @@ class Frames:
 
     Attributes:
         prefix: What stands before each name as it is, such as 'twin1/'; robot_state_publisher has the same.
+
+    Raises:
+        CommandError: The prefix begins with a slash, which no frame of tf2 does.
     """
 
     prefix: str = ""
+
+    def __post_init__(self) -> None:
+        if self.prefix.startswith("/"):
+            raise CommandError(f"frame prefix {self.prefix!r}: frames of tf2 begin with no '/'; leave it out")
 
     @property
     def base(self) -> str:

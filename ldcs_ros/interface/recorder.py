@@ -42,10 +42,10 @@ class Recorder:
     ) -> None:
         self._twin = twin
         self._namespace = namespace.rstrip("/")
-        self._custom_data = {**run_description(twin), "namespace": self._namespace, **(custom_data or {})}
+        self._further = dict(custom_data or {})
         self._first_folder = Path(folder)
-        self._resets = 0
-        self._names = {name: self._absolute(name) for name, topic in twin.topics.items() if topic.recorded}
+        self._folder_of_scene = self._first_folder
+        self._scenes = self._resets = 0
         self._writer = self._open(self._first_folder)
 
     @property
@@ -77,16 +77,32 @@ class Recorder:
         """
         self._writer.close()
         self._resets += 1
+        folder = self._folder_of_scene
+        self._writer = self._open(folder.with_name(f"{folder.name}_reset{self._resets}"))
+
+    def change_twin(self, twin: Twin) -> None:
+        """End the bag and begin one of another twin, '<folder>_scene1' and so on.
+
+        Raises:
+            RecordingError: The next bag cannot be opened; nothing is recorded any more.
+        """
+        self._writer.close()
+        self._twin = twin
+        self._scenes, self._resets = self._scenes + 1, 0
         first = self._first_folder
-        self._writer = self._open(first.with_name(f"{first.name}_reset{self._resets}"))
+        self._folder_of_scene = first.with_name(f"{first.name}_scene{self._scenes}")
+        self._writer = self._open(self._folder_of_scene)
 
     def close(self) -> None:
         """End the bag."""
         self._writer.close()
 
     def _open(self, folder: Path) -> recording.BagWriter:
-        topics = {self._names[name]: _info(self._twin.topics[name]) for name in self._names}
-        return recording.BagWriter(folder, topics=topics, custom_data=self._custom_data)
+        twin = self._twin
+        self._names = {name: self._absolute(name) for name, topic in twin.topics.items() if topic.recorded}
+        topics = {full: _info(twin.topics[name]) for name, full in self._names.items()}
+        said = {**run_description(twin), "namespace": self._namespace, **self._further}
+        return recording.BagWriter(folder, topics=topics, custom_data=said)
 
     def _absolute(self, name: str) -> str:
         return name if name.startswith("/") else f"{self._namespace}/{name}"
@@ -120,6 +136,7 @@ def _info(topic: Topic) -> Any:
     qos = recording.Qos(
         reliability="reliable" if topic.reliable else "best_effort",
         durability="transient_local" if topic.transient_local else "volatile",
+        history="keep_all" if topic.keep_all else "keep_last",
         depth=topic.depth,
     )
     return recording.TopicInfo(topic.type, qos)

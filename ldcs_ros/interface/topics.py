@@ -21,6 +21,7 @@ class Topic:
         reliable: Reliable delivery; else best effort.
         transient_local: The last messages are kept for those who come late.
         depth: Length of the queue.
+        keep_all: The queue is as long as the middleware allows instead.
         on_demand: Built only while somebody listens.
         recorded: Put into bags.
         measured: Tells how the computer does, which no replay repeats.
@@ -33,6 +34,7 @@ class Topic:
     reliable: bool = True
     transient_local: bool = False
     depth: int = 10
+    keep_all: bool = False
     on_demand: bool = False
     recorded: bool = True
     measured: bool = False

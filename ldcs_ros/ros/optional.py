@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 OPTIONAL: dict[str, str] = {
-    "ldcs_msgs": "topic arm_command",
+    "ldcs_msgs": "arm_command, lattice_state, solver_status, apply_wrench, load_scene",
     "simulation_interfaces": "the standard simulator services",
     "tf2_msgs": "/tf and /tf_static",
     "launch": "the launch files",

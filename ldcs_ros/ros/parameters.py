@@ -88,6 +88,16 @@ _ALL = (
     _at_configure("publish_clock", False, "Publish simulation time on /clock."),
     _at_configure("publish_tf", False, "Publish the points on /tf, where tf2_msgs is installed."),
     _at_configure(
+        "frame_prefix",
+        "",
+        "What stands before the name of each frame, such as 'twin1/'; one tf tree holds many twins.",
+    ),
+    _at_configure(
+        "record_detail",
+        False,
+        "Record lattice_state and solver_status too: the state in full precision, a bag three times as large.",
+    ),
+    _at_configure(
         "accuracy",
         0.0,
         "Largest node position error asked of the solver [m]; 0 for the scene's own.",

@@ -13,19 +13,24 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from ldcs_ros import load_scene
-from ldcs_ros.errors import DivergenceError, LdcsError, RecordingError
-from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.interface.watchdog import Watchdog
 from ldcs_ros.ros import parameters
+from ldcs_ros.ros.bag_keeper import BagKeeper
+from ldcs_ros.ros.clock_watch import ClockWatch, sim_time_complaint
 from ldcs_ros.ros.health import health, interface_states
 from ldcs_ros.ros.optional import installed, missing_line
 from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
+from ldcs_ros.ros.qos import check_overrides
 from ldcs_ros.ros.runner import NotActive, NotNow, Periodic, Runner
+from ldcs_ros.ros.scene_service import SceneService
 from ldcs_ros.ros.services import Services
 from ldcs_ros.ros.status_line import StatusLine
 from ldcs_ros.ros.transport import Transport
+from ldcs_ros.ros.wrench_service import WrenchService
+from ldcs_ros.scene.scene import Scene
 
 if TYPE_CHECKING:
     from ldcs_ros.ros.simulator.services import SimulatorServices
@@ -45,6 +50,8 @@ class SimulationNode(LifecycleNode):
     """
 
     failure = ""
+    # rclpy destroys a node that was refused before it had any.
+    _simulator: SimulatorServices | None = None
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
@@ -56,13 +63,14 @@ class SimulationNode(LifecycleNode):
         self.finished = threading.Event()
         self._problem: LdcsError | None = None
         self._transport = Transport(self)
+        self._clock_watch = ClockWatch(self)
         self._runner: Runner | None = None
-        self._recorder: Recorder | None = None
-        self._recording_error = ""
+        self._bag = BagKeeper(self.get_logger())
         self._status: StatusLine | None = None
         self._interfaces: dict[str, str] = {}
         self._is_active = False
         self._triggers = Services(self, self.active_runner)
+        self._offer_own_services()
         self._simulator = self._offer_simulator_services()
 
     @classmethod
@@ -83,7 +91,8 @@ class SimulationNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the twin, join the graph and start recording."""
         try:
-            self._start(self._build_twin())
+            self._check_setting()
+            self._start(self._twin_of(load_scene(self._value("scene"))))
         except LdcsError as error:
             self.get_logger().error(str(error))
             self._problem = error
@@ -147,9 +156,7 @@ class SimulationNode(LifecycleNode):
         if self._status is not None:
             self._status.close()
             self._status = None
-        if self._recorder is not None:
-            self._recorder.close()
-            self._recorder = None
+        self._bag.close()
         self._transport.close()
 
     @property
@@ -189,7 +196,15 @@ class SimulationNode(LifecycleNode):
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
 
-    def _build_twin(self) -> Twin:
+    def _offer_own_services(self) -> None:
+        if not installed()["ldcs_msgs"]:
+            return
+        from ldcs_msgs.srv import ApplyWrench, LoadScene
+
+        WrenchService(self, ApplyWrench, self.active_runner)
+        SceneService(self, LoadScene, self.active_runner, build=self._twin_of, exchange=self._exchange)
+
+    def _check_setting(self) -> None:
         present = installed()
         used = {name for name in ("ldcs_msgs",) if present[name]}
         if self._simulator is not None:
@@ -200,12 +215,19 @@ class SimulationNode(LifecycleNode):
         missing = missing_line(present)
         if missing:
             self.get_logger().info(missing)
+        complaint = sim_time_complaint(
+            use_sim_time=self._value("use_sim_time"), publish_clock=self._value("publish_clock")
+        )
+        if complaint:
+            raise LdcsError(complaint)
+
+    def _twin_of(self, scene: Scene) -> Twin:
         timeouts = {
             "timeout": self._value("command_timeout"),
             "wrench_timeout": self._value("wrench_timeout"),
         }
         twin = Twin(
-            load_scene(self._value("scene")),
+            scene,
             seed=None if self._value("seed") < 0 else self._value("seed"),
             accuracy=self._value("accuracy") or None,
             tracker_rate=self._value("tracker_rate") or None,
@@ -215,7 +237,9 @@ class SimulationNode(LifecycleNode):
             diagnostics=False,
             ambient_pressure=self._value("ambient_pressure"),
             publish_clock=self._value("publish_clock"),
-            publish_tf="tf2_msgs" in used,
+            publish_tf=self._value("publish_tf") and installed()["tf2_msgs"],
+            frame_prefix=self._value("frame_prefix"),
+            detail=self._value("record_detail"),
         )
         _warm_up(twin)
         return twin
@@ -231,9 +255,12 @@ class SimulationNode(LifecycleNode):
             on_reset=self._start_bag_over,
         )
         runner.deaf = INACTIVE
-        self._transport.open(twin.topics.values(), runner.post)
-        twin.sinks.append(self._transport)
-        self._record(twin)
+        for complaint in check_overrides(self, twin.topics.values()):
+            self.get_logger().warning(complaint)
+        if twin.publish_clock:
+            self._clock_watch.refuse_second()
+        self._join_graph(twin, runner)
+        self._bag.start(self._value("record"), twin, self.get_namespace())
         self._runner, self._status = runner, StatusLine(sys.stderr, runner)
         period = self._status.period
         runner.chores += [
@@ -242,18 +269,17 @@ class SimulationNode(LifecycleNode):
         ]
         runner.start()
 
-    def _record(self, twin: Twin) -> None:
-        folder = self._value("record")
-        self._recording_error = ""
-        if not folder:
-            return
-        try:
-            self._recorder = Recorder(folder, twin, namespace=self.get_namespace())
-            twin.sinks.append(self._recorder)
-            self.get_logger().info(f"recording to {folder}")
-        except RecordingError as error:
-            self._recording_error = str(error)
-            self.get_logger().error(f"not recording: {error}")
+    def _join_graph(self, twin: Twin, runner: Runner) -> None:
+        # The bag says of each topic what its publisher offers.
+        twin.topics |= self._transport.open(twin.topics.values(), runner.post)
+        twin.sinks.append(self._transport)
+
+    def _exchange(self, twin: Twin) -> str:
+        runner = self.active_runner()
+        self._join_graph(twin, runner)
+        runner.call(lambda: runner.exchange(twin, lambda: self._bag.change_twin(runner.twin, twin)))
+        self._transport.keep(twin.topics)
+        return self._bag.error
 
     def _tell_failure(self, reason: str) -> None:
         self.get_logger().error(f"{reason}; paused, call reset")
@@ -261,29 +287,23 @@ class SimulationNode(LifecycleNode):
     def _report_health(self) -> None:
         runner = self._runner
         if runner is not None:
-            self._watch_recorder()
+            self._bag.watch()
             missed = self._transport.missed
-            statuses = health(runner, self._recorder, self._recording_error, self._interfaces, missed)
+            statuses = health(runner, self._bag.recorder, self._bag.error, self._interfaces, missed)
+            if runner.twin.publish_clock:
+                statuses.append(self._clock_watch.look())
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
 
-    def _watch_recorder(self) -> None:
-        # A full disk ends the recording, not the run; it is said once, and in every diagnostics message.
-        if self._recorder is not None and self._recorder.error is not None and not self._recording_error:
-            self._recording_error = self._recorder.error
-            self.get_logger().error(self._recording_error)
-
     def _start_bag_over(self) -> None:
-        if self._recorder is None or self._runner is None:
-            return
-        try:
-            self._recorder.start_over()
-            self._recording_error = ""
-        except RecordingError as error:
-            self._runner.twin.sinks.remove(self._recorder)
-            self._recorder, self._recording_error = None, str(error)
-            self.get_logger().error(f"recording stopped: {error}")
+        if self._runner is not None:
+            self._bag.start_over(self._runner.twin)
 
     def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+        given = {name: self._value(name) for name in ("use_sim_time", "publish_clock")}
+        given |= {change.name: change.value for change in changes if change.name in given}
+        complaint = sim_time_complaint(**given)
+        if complaint:
+            return SetParametersResult(successful=False, reason=complaint)
         return parameters.check(changes, configured=self._runner is not None)
 
     def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:

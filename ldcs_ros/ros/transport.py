@@ -10,12 +10,11 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.ros.intake import Intake
+from ldcs_ros.ros.qos import OPTIONS, profile, with_profile
 
 
 class Transport:
@@ -30,28 +29,39 @@ class Transport:
         self._publishers: dict[str, Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._intakes: list[Intake] = []
+        self._opened: dict[str, Topic] = {}
 
-    def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> None:
+    def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> dict[str, Topic]:
         """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`.
 
-        Topics whose message package is not installed are left out.
+        Topics whose message package is not installed are left out; those that are open stay as they are.
+
+        Returns:
+            The topics by name, each with the quality of service that it got.
         """
-        overrides = QoSOverridingOptions.with_default_policies()
         for topic in topics:
-            if find_spec(topic.type.split("/")[0]) is None:
+            if topic.name in self._opened or find_spec(topic.type.split("/")[0]) is None:
                 continue
-            kind, qos = message_type(topic.type), _qos(topic)
+            kind, qos = message_type(topic.type), profile(topic)
             if topic.direction == "out":
                 self._publishers[topic.name] = self._node.create_publisher(
-                    kind, topic.name, qos, qos_overriding_options=overrides
+                    kind, topic.name, qos, qos_overriding_options=OPTIONS
                 )
             else:
                 intake = Intake(partial(receive, topic.name))
                 intake.subscription = self._node.create_subscription(
-                    kind, topic.name, intake, qos, qos_overriding_options=overrides, raw=True
+                    kind, topic.name, intake, qos, qos_overriding_options=OPTIONS, raw=True
                 )
                 self._intakes.append(intake)
                 self._subscriptions.append(intake.subscription)
+            self._opened[topic.name] = with_profile(topic, qos)
+        return dict(self._opened)
+
+    def keep(self, topics: Iterable[str]) -> None:
+        """Publish nothing but these topics any more."""
+        for name in set(self._publishers) - set(topics):
+            self._node.destroy_publisher(self._publishers.pop(name))
+            del self._opened[name]
 
     def close(self) -> None:
         """Leave the graph."""
@@ -62,6 +72,7 @@ class Transport:
         self._publishers.clear()
         self._subscriptions.clear()
         self._intakes.clear()
+        self._opened.clear()
 
     @property
     def missed(self) -> int:
@@ -84,12 +95,3 @@ def message_type(name: str) -> Any:
     """Return the rclpy class of a type such as 'std_msgs/msg/Header'."""
     package, _, kind = name.split("/")
     return getattr(import_module(f"{package}.msg"), kind)
-
-
-def _qos(topic: Topic) -> QoSProfile:
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=topic.depth,
-        reliability=ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local else DurabilityPolicy.VOLATILE,
-    )
