@@ -51,6 +51,9 @@ colcon: setup  ## build both packages with colcon into install/, then check what
 bags: setup  ## make the reference bags in bags/ again: BAGS='chirp fault'
 	@$(BIN)/python tools/make_bags.py $(BAGS)
 
+docs: setup  ## write docs/reference.md anew from the tables of the code
+	@$(BIN)/python tools/make_reference.py
+
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh
 
@@ -75,4 +78,4 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 $(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard types msgs colcon bags lock clean
+.PHONY: help setup sim test bench lint hard types msgs colcon bags docs lock clean

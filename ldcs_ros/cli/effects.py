@@ -54,10 +54,14 @@ def describe(name: str) -> dict[str, Any]:
     """Return an effect's name, description and parameters, as plain values, from its dataclass."""
     from ldcs_ros.physics.effects import effect_class
 
-    effect = effect_class(name)
-    description = inspect.cleandoc(effect.__doc__ or "").split("\nAttributes:")[0].strip()
-    fields = [field for field in dataclasses.fields(effect) if field.init]
-    return {"name": name, "description": description, "parameters": [_parameter(field) for field in fields]}
+    return {"name": name, **describe_class(effect_class(name))}
+
+
+def describe_class(cls: Any) -> dict[str, Any]:
+    """Return the description and the parameters of a dataclass of quantities, as plain values."""
+    description = inspect.cleandoc(cls.__doc__ or "").split("\nAttributes:")[0].strip()
+    fields = [field for field in dataclasses.fields(cls) if field.init]
+    return {"description": description, "parameters": [_parameter(field) for field in fields]}
 
 
 def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
@@ -89,9 +93,9 @@ def _text(effect: dict[str, Any], *, whole: bool) -> str:
     column = max((len(parameter["name"]) for parameter in effect["parameters"]), default=0)
     indent = " " * (column + 4)
     for parameter in effect["parameters"]:
-        bounds = _bounds(parameter)
+        bounds = bounds_text(parameter)
         lines.append(
-            f"  {parameter['name']:<{column}}  {_value(parameter)}{f'   {bounds}' if bounds else ''}"
+            f"  {parameter['name']:<{column}}  {value_text(parameter)}{f'   {bounds}' if bounds else ''}"
         )
         note = (
             f"{parameter['help']} (origin: {parameter['origin']})"
@@ -102,14 +106,16 @@ def _text(effect: dict[str, Any], *, whole: bool) -> str:
     return "\n".join(lines)
 
 
-def _value(parameter: dict[str, Any]) -> str:
+def value_text(parameter: dict[str, Any]) -> str:
+    """Return the default with its unit, or that the parameter is required."""
     words = ["required"] if parameter["required"] else [_short(parameter["default"])]
     if parameter["place"]:
         words.append("(a point's name, node_<layer>_<i>_<j>, or [layer, i, j])")
     return " ".join([*words, parameter["unit"]]).strip()
 
 
-def _bounds(parameter: dict[str, Any]) -> str:
+def bounds_text(parameter: dict[str, Any]) -> str:
+    """Return what is accepted; '' for anything."""
     if parameter["options"]:
         return f"one of {' | '.join(map(str, parameter['options']))}"
     low, high = parameter["low"], parameter["high"]
