@@ -33,6 +33,7 @@ class LiveNode:
 
     def __init__(self, log, domain, **parameters):
         self.log = log
+        self.domain = domain
         command = [sys.executable, "-m", "ldcs_ros.ros.sim_node", "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]

@@ -9,6 +9,7 @@ from typing import Any
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
 
@@ -16,6 +17,8 @@ from ldcs_ros.ros.runner import Mode, NotNow
 from ldcs_ros.ros.simulator.answers import Refused, offer, result_of
 from ldcs_ros.ros.simulator.host import Host
 
+# Steps follow each other in a millisecond or two: who looks every tenth of a second still hears of each.
+_FEEDBACK_DEPTH = 100
 _TURN = 0.02  # s, after which others have their turn while a step takes long
 
 
@@ -43,6 +46,7 @@ class Stepping:
             "~/simulate_steps",
             self._execute,
             callback_group=group,
+            feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK_DEPTH),
             cancel_callback=lambda request: CancelResponse.ACCEPT,
         )
 
