@@ -15,7 +15,7 @@ endif
 READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
 PACKAGE := .venv/.package
 MESSAGES := .venv/.messages
-STAND_IN := .venv/.simulation_interfaces
+STAND_IN := .venv/.stand_ins
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-14s %s\n' "$$target" "$$text"; done
@@ -42,7 +42,7 @@ hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases
 types: setup  ## check the types
 	@$(BIN)/mypy
 
-msgs: setup  ## build the interface packages again: ldcs_msgs, and what stands in for simulation_interfaces
+msgs: setup  ## build the interface packages again: ldcs_msgs, and what stands in for packages of ROS in tests
 	@source tools/environment.sh && $(BIN)/python tools/build_messages.py && touch $(MESSAGES) $(STAND_IN)
 
 colcon: setup  ## build both packages with colcon into install/, then check what it installed
@@ -75,7 +75,7 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py ldcs_msgs && touch $@ || true
 
 # Half a minute, once; without it the tests that need it are skipped.
-$(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces -type f)
-	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces && touch $@ || true
+$(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces test/ros/stand_ins -type f)
+	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
 .PHONY: help setup sim test bench lint hard types msgs colcon bags docs lock clean

@@ -16,8 +16,9 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "messages"
 PACKAGES = {
     "ldcs_msgs": ROOT / "msg_defs",
-    # Stands in for the package of the distribution, so that the simulator services are tested everywhere.
+    # Stand in for packages of the distribution, so that what needs them is tested everywhere.
     "simulation_interfaces": ROOT / "test" / "ros" / "simulation_interfaces",
+    "tf2_msgs": ROOT / "test" / "ros" / "stand_ins" / "tf2_msgs",
 }
 
 

@@ -14,7 +14,9 @@ OPTIONAL: dict[str, str] = {
 
 def installed() -> dict[str, bool]:
     """Return for each optional package whether it can be imported."""
-    return {name: find_spec(name) is not None for name in OPTIONAL}
+    # A folder that happens to have the name, such as a package's sources, has no origin.
+    specs = {name: find_spec(name) for name in OPTIONAL}
+    return {name: spec is not None and spec.origin is not None for name, spec in specs.items()}
 
 
 def missing_line(present: dict[str, bool]) -> str:
