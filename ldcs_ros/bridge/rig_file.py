@@ -20,8 +20,10 @@ from ldcs_ros.bridge.serial_line import SerialLink, SerialSettings
 from ldcs_ros.bridge.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink
 from ldcs_ros.bridge.units import PressureUnit
 from ldcs_ros.errors import BridgeError
+from ldcs_ros.user_file import Checks
 
 LINK_TYPES = ("modbus", "serial", "topics")
+_CHECKS = Checks(BridgeError)
 _UNIT_KEYS = ("unit", "reference", "ambient")
 
 
@@ -72,13 +74,11 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
     path = shipped_rigs().get(str(source), Path(source))
     try:
         text = path.read_text(encoding="utf-8")
-        content = yaml.safe_load(text)
     except (OSError, UnicodeDecodeError) as error:
         raise BridgeError(
             f"no rig {str(source)!r}: neither a readable file nor one of {list(shipped_rigs())}"
         ) from error
-    except yaml.YAMLError as error:
-        raise BridgeError(f"not valid YAML: {str(error).splitlines()[0]} @ {path.name}") from error
+    content = _CHECKS.content(text, path.name)
     try:
         return _rig(content, text)
     except BridgeError as error:
@@ -86,11 +86,13 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
 
 
 def _rig(content: Any, text: str) -> RigFile:
-    block = _mapping(content, ("title", "limits", "links"), "the rig", required=("links",))
-    limits = _build(Limits, _mapping(block.get("limits", {}), _names(Limits), "limits"), "limits")
-    if not isinstance(block["links"], list) or not block["links"]:
-        raise BridgeError(f"got {block['links']!r}, expected a list of links @ links")
-    links = tuple(_settings(one, f"links[{index}]") for index, one in enumerate(block["links"]))
+    block = _CHECKS.keys(content, ("title", "limits", "links"), "the rig", required=("links",))
+    limits = _build(Limits, _CHECKS.keys(block.get("limits", {}), _names(Limits), "limits"), "limits")
+    links = tuple(
+        _settings(one, f"links[{index}]") for index, one in enumerate(_CHECKS.items(block["links"], "links"))
+    )
+    if not links:
+        raise BridgeError("no link leads to the rig; expected at least one @ links")
     senders = [one for one in links if not isinstance(one, TopicSettings) or one.send is not None]
     if len(senders) > 1:
         raise BridgeError("more than one link takes set-points; leave one of them @ links")
@@ -104,15 +106,14 @@ def _settings(content: Any, path: str) -> Any:
     if kind == "serial":
         return _plain(SerialSettings, content, path)
     if kind == "topics":
-        block = _mapping(content, ("type", "receive", "send", "rate"), path, required=("receive",))
-        if not isinstance(block["receive"], list):
-            raise BridgeError(f"got {block['receive']!r}, expected a list of topics @ {path}.receive")
-        receive = tuple(_incoming(one, f"{path}.receive[{i}]") for i, one in enumerate(block["receive"]))
+        block = _CHECKS.keys(content, ("type", "receive", "send", "rate"), path, required=("receive",))
+        topics = _CHECKS.items(block["receive"], f"{path}.receive")
+        receive = tuple(_incoming(one, f"{path}.receive[{i}]") for i, one in enumerate(topics))
         send = None
         if block.get("send") is not None:
-            part = _mapping(block["send"], ("topic", *_UNIT_KEYS), f"{path}.send", required=("topic",))
+            part = _CHECKS.keys(block["send"], ("topic", *_UNIT_KEYS), f"{path}.send", required=("topic",))
             send = Outgoing(str(part["topic"]), _unit(part, f"{path}.send", "Pa"))
-        rate = _number(block.get("rate", 50.0), f"{path}.rate", 1.0, 1000.0)
+        rate = _CHECKS.number(block.get("rate", 50.0), f"{path}.rate", low=1.0, high=1000.0)
         return TopicSettings(receive, send, rate)
     raise BridgeError(f"got the type {kind!r}, expected one of {list(LINK_TYPES)} @ {path}.type")
 
@@ -120,7 +121,7 @@ def _settings(content: Any, path: str) -> Any:
 def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
     required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
     keys = ("type", *_names(cls), *_UNIT_KEYS)
-    block = dict(_mapping(content, keys, path, required=required))
+    block = dict(_CHECKS.keys(content, keys, path, required=required))
     del block["type"]
     unit = _unit(block, path, "mbar")
     block = {key: value for key, value in block.items() if key not in _UNIT_KEYS}
@@ -132,7 +133,7 @@ def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
             else:
                 whole = field.type == "int"
                 low = -1.0 if whole else 1e-3
-                number = _number(value, f"{path}.{field.name}", low, 4e6)
+                number = _CHECKS.number(value, f"{path}.{field.name}", low=low, high=4e6)
                 block[field.name] = int(number) if whole else number
     return _build(cls, {**block, "unit": unit}, path)
 
@@ -140,9 +141,8 @@ def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
 def _incoming(content: Any, path: str) -> Incoming:
     keys = (*_names(Incoming), *_UNIT_KEYS)
     required = ("topic", "type", "gives", "names")
-    block = dict(_mapping(content, tuple(dict.fromkeys(keys)), path, required=required))
-    if block["gives"] not in KINDS:
-        raise BridgeError(f"got {block['gives']!r}, expected one of {list(KINDS)} @ {path}.gives")
+    block = dict(_CHECKS.keys(content, tuple(dict.fromkeys(keys)), path, required=required))
+    gives = _CHECKS.choice(block["gives"], KINDS, f"{path}.gives")
     names = block["names"]
     if not isinstance(names, (list, dict)) or not names:
         raise BridgeError(
@@ -150,20 +150,17 @@ def _incoming(content: Any, path: str) -> Incoming:
         )
     given = names.items() if isinstance(names, dict) else enumerate(names)
     mapped = {str(theirs): str(ours) for theirs, ours in given}
-    if block["gives"] != "position" and not set(mapped.values()) <= set(ARM_NAMES):
+    if gives != "position" and not set(mapped.values()) <= set(ARM_NAMES):
         raise BridgeError(f"got {sorted(mapped.values())}, expected arms out of {ARM_NAMES} @ {path}.names")
-    field = block.get("field", "effort")
-    if field not in JOINT_FIELDS:
-        raise BridgeError(f"got {field!r}, expected one of {list(JOINT_FIELDS)} @ {path}.field")
-    numbers: dict[str, Any] = {"age": _number(block.get("age", 0.0), f"{path}.age", 0.0, 10.0)}
+    field = _CHECKS.choice(block.get("field", "effort"), JOINT_FIELDS, f"{path}.field")
+    numbers: dict[str, Any] = {
+        "age": _CHECKS.number(block.get("age", 0.0), f"{path}.age", low=0.0, high=10.0)
+    }
     for key, length in (("origin", 3), ("turn", 4)):
         if key in block:
-            value = block[key]
-            if not isinstance(value, list) or len(value) != length:
-                raise BridgeError(f"got {value!r}, expected {length} numbers @ {path}.{key}")
-            numbers[key] = tuple(_number(item, f"{path}.{key}", -100.0, 100.0) for item in value)
+            numbers[key] = _CHECKS.numbers(block[key], length, f"{path}.{key}", low=-100.0, high=100.0)
     unit = _unit(block, path, "Pa")
-    fixed = {"topic": str(block["topic"]), "type": str(block["type"]), "gives": block["gives"]}
+    fixed = {"topic": str(block["topic"]), "type": str(block["type"]), "gives": gives}
     incoming: Incoming = _build(
         Incoming, {**fixed, "names": mapped, "unit": unit, "field": field, **numbers}, path
     )
@@ -171,7 +168,7 @@ def _incoming(content: Any, path: str) -> Incoming:
 
 
 def _unit(block: Mapping[str, Any], path: str, default: str) -> PressureUnit:
-    ambient = _number(block.get("ambient", 101325.0), f"{path}.ambient", 0.0, 2e5)
+    ambient = _CHECKS.number(block.get("ambient", 101325.0), f"{path}.ambient", low=0.0, high=2e5)
     values = {"name": block.get("unit", default), "reference": block.get("reference", "gauge")}
     made: PressureUnit = _build(PressureUnit, {**values, "ambient": ambient}, f"{path}.unit")
     return made
@@ -184,26 +181,8 @@ def _build(cls: Any, values: Mapping[str, Any], path: str) -> Any:
         raise BridgeError(str(error) if " @ " in str(error) else f"{error} @ {path}") from error
 
 
-def _mapping(content: Any, keys: Any, path: str, *, required: Any = ()) -> dict[str, Any]:
-    if not isinstance(content, dict):
-        raise BridgeError(f"got {content!r}, expected a mapping with keys out of {list(keys)} @ {path}")
-    for key in content:
-        if key not in keys:
-            raise BridgeError(f"unknown key {key!r}; expected one of {list(keys)} @ {path}")
-    for key in required:
-        if key not in content:
-            raise BridgeError(f"missing key {key!r} @ {path}")
-    return content
-
-
 def _names(cls: Any) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls))
-
-
-def _number(value: Any, path: str, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise BridgeError(f"got {value!r}, expected a number {low:g} ... {high:g} @ {path}")
-    return float(value)
 
 
 def _link(settings: Any, limits: Limits, clock: Callable[[], float]) -> Link:

@@ -15,16 +15,18 @@ from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-import yaml
-
 from ldcs_ros.compare.difference import Figures
 from ldcs_ros.errors import LdcsError
+from ldcs_ros.user_file import Checks
 
 FIGURES = tuple(field.name for field in fields(Figures))
 
 
 class ToleranceError(LdcsError, ValueError):
     """A tolerance file is not sound, or limits a channel that was not compared."""
+
+
+_CHECKS = Checks(ToleranceError)
 
 
 @dataclass(frozen=True)
@@ -61,31 +63,18 @@ def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
         ToleranceError: It cannot be read, or a key or limit is not sound.
     """
     file = Path(path)
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ToleranceError(f"cannot read the tolerance file {file}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ToleranceError(f"{file} is no YAML: {' '.join(str(error).split())}") from error
+    content = _CHECKS.content(_CHECKS.read(file, "tolerance file"), str(file))
     if not isinstance(content, dict) or not content:
         raise ToleranceError(f"{file.name} holds no limits; expected lines such as 'P1: {{max: 1.0e-3}}'")
+    tolerances = {}
     for pattern, limits in content.items():
-        if not isinstance(limits, dict) or not limits:
-            raise ToleranceError(
-                f"got {limits!r}, expected limits such as {{max: 1.0e-3}} @ {file.name}: {pattern}"
-            )
-        for figure, limit in limits.items():
-            if figure not in FIGURES:
-                raise ToleranceError(
-                    f"unknown figure {figure!r}, expected one of {list(FIGURES)} @ {file.name}: {pattern}"
-                )
-            number = isinstance(limit, (int, float)) and not isinstance(limit, bool)
-            if not number or not math.isfinite(limit) or limit < 0.0:
-                raise ToleranceError(
-                    f"got {limit!r}, expected a number of at least 0 (YAML reads 1e-3 as text, 1.0e-3 as a number) "
-                    f"@ {file.name}: {pattern}.{figure}"
-                )
-    return {str(pattern): dict(limits) for pattern, limits in content.items()}
+        where = f"{file.name}: {pattern}"
+        if not _CHECKS.keys(limits, FIGURES, where):
+            raise ToleranceError(f"there is no limit; expected figures such as {{max: 1.0e-3}} @ {where}")
+        tolerances[str(pattern)] = {
+            figure: _CHECKS.number(limit, f"{where}.{figure}", low=0.0) for figure, limit in limits.items()
+        }
+    return tolerances
 
 
 def check(tolerances: Tolerances, compared: Iterable[tuple[str, Figures, str]]) -> list[Check]:

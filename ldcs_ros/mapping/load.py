@@ -18,17 +18,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from ldcs_ros.mapping import units
 from ldcs_ros.mapping.errors import MappingError
 from ldcs_ros.mapping.sources import CommandSource, Mapping, MeasurementSource
+from ldcs_ros.user_file import Checks
 
-MOST_BYTES = 1_000_000
 ARMS = ("left", "right")
 # Command -> the units that it may come in.
 COMMANDS = {
@@ -36,6 +33,7 @@ COMMANDS = {
     "torque_command": units.TORQUE,
     "external_wrench": units.FORCE,
 }
+_CHECKS = Checks(MappingError)
 _TOP = ("time", "initial", "late", "gap", "ambient_pressure", "commands", "measurements")
 _COMMAND = ("topic", "to", "unit", "field", "arms", "joints", "frame", "absolute")
 _MEASUREMENT = ("topic", "to", "unit", "field", "child", "translation", "rotation", "absolute", "index")
@@ -48,14 +46,7 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
         MappingError: It cannot be read, is no YAML, or a key or value is wrong; the message says which.
     """
     file = Path(path)
-    try:
-        if file.stat().st_size > MOST_BYTES:
-            raise MappingError(f"{file} is no mapping file: it has more than {MOST_BYTES} bytes")
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MappingError(f"cannot read the mapping file {file}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MappingError(f"{file} is no YAML: {' '.join(str(error).split())}") from error
+    content = _CHECKS.content(_CHECKS.read(file, "mapping file"), str(file))
     try:
         return parse_mapping(content)
     except MappingError as error:
@@ -68,14 +59,17 @@ def parse_mapping(content: Any) -> Mapping:
     Raises:
         MappingError: A key or value is wrong; the message says which.
     """
-    block = _keys(content, _TOP, "the mapping")
-    ambient = _number(block.get("ambient_pressure", units.STANDARD_ATMOSPHERE), "ambient_pressure", low=0.0)
+    block = _CHECKS.keys(content, _TOP, "the mapping")
+    ambient = _CHECKS.number(
+        block.get("ambient_pressure", units.STANDARD_ATMOSPHERE), "ambient_pressure", low=0.0
+    )
     commands = tuple(
-        _command(entry, f"commands[{k}]", ambient) for k, entry in enumerate(_entries(block, "commands"))
+        _command(entry, f"commands[{k}]", ambient)
+        for k, entry in enumerate(_CHECKS.items(block.get("commands") or [], "commands"))
     )
     measurements = tuple(
         _measurement(entry, f"measurements[{k}]", ambient)
-        for k, entry in enumerate(_entries(block, "measurements"))
+        for k, entry in enumerate(_CHECKS.items(block.get("measurements") or [], "measurements"))
     )
     if not commands and not measurements:
         raise MappingError("nothing is mapped; name topics under commands or measurements")
@@ -83,39 +77,41 @@ def parse_mapping(content: Any) -> Mapping:
     return Mapping(
         commands=commands,
         measurements=measurements,
-        time=_choice(block.get("time", "log"), ("log", "stamp"), "time"),
-        initial=_choice(block.get("initial", "rest"), ("rest", "start"), "initial"),
-        late=_number(block.get("late", 0.1), "late", low=0.0),
-        gap=None if gap is None else _number(gap, "gap", low=1e-9),
+        time=_CHECKS.choice(block.get("time", "log"), ("log", "stamp"), "time"),
+        initial=_CHECKS.choice(block.get("initial", "rest"), ("rest", "start"), "initial"),
+        late=_CHECKS.number(block.get("late", 0.1), "late", low=0.0),
+        gap=None if gap is None else _CHECKS.number(gap, "gap", low=1e-9),
         ambient_pressure=ambient,
     )
 
 
 def _command(entry: Any, path: str, ambient: float) -> CommandSource:
-    block = _keys(entry, _COMMAND, path, required=("topic", "to"))
-    to = _choice(block["to"], COMMANDS, f"{path}.to")
+    block = _CHECKS.keys(entry, _COMMAND, path, required=("topic", "to"))
+    to = _CHECKS.choice(block["to"], COMMANDS, f"{path}.to")
     arms = tuple(
-        _choice(arm, ARMS, f"{path}.arms") for arm in _list(block.get("arms", list(ARMS)), f"{path}.arms")
+        _CHECKS.choice(arm, ARMS, f"{path}.arms")
+        for arm in _CHECKS.items(block.get("arms", list(ARMS)), f"{path}.arms")
     )
     if not arms or len(set(arms)) != len(arms):
         raise MappingError(f"got {list(arms)}, expected one or two different arms @ {path}.arms")
     return CommandSource(
-        topic=_text(block["topic"], f"{path}.topic"),
+        topic=_CHECKS.text(block["topic"], f"{path}.topic"),
         to=to,
         scale=_unit(block.get("unit"), COMMANDS[to], f"{path}.unit"),
-        field=_text(block.get("field", ""), f"{path}.field"),
+        field=_CHECKS.text(block.get("field", ""), f"{path}.field"),
         arms=arms,
         joints=tuple(
-            _text(name, f"{path}.joints") for name in _list(block.get("joints", []), f"{path}.joints")
+            _CHECKS.text(name, f"{path}.joints")
+            for name in _CHECKS.items(block.get("joints", []), f"{path}.joints")
         ),
-        frame=_text(block.get("frame", ""), f"{path}.frame"),
+        frame=_CHECKS.text(block.get("frame", ""), f"{path}.frame"),
         offset=_offset(block, path, ambient),
     )
 
 
 def _measurement(entry: Any, path: str, ambient: float) -> MeasurementSource:
-    block = _keys(entry, _MEASUREMENT, path, required=("topic", "to"))
-    to = _text(block["to"], f"{path}.to")
+    block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("topic", "to"))
+    to = _CHECKS.text(block["to"], f"{path}.to")
     if to in (f"{arm}/pressure" for arm in ARMS):
         known = units.PRESSURE
     elif to.startswith("joint/"):
@@ -129,18 +125,18 @@ def _measurement(entry: Any, path: str, ambient: float) -> MeasurementSource:
     index = block.get("index")
     if index is not None and (isinstance(index, bool) or not isinstance(index, int) or index < 0):
         raise MappingError(f"got {index!r}, expected a whole number, 0 or above @ {path}.index")
-    translation = _vector(block.get("translation", [0.0] * 3), 3, f"{path}.translation")
-    rotation = _vector(block.get("rotation", [0.0, 0.0, 0.0, 1.0]), 4, f"{path}.rotation")
+    translation = _CHECKS.numbers(block.get("translation", [0.0] * 3), 3, f"{path}.translation")
+    rotation = _CHECKS.numbers(block.get("rotation", [0.0, 0.0, 0.0, 1.0]), 4, f"{path}.rotation")
     length = math.hypot(*rotation)
     if not 0.99 < length < 1.01:
         raise MappingError(f"got {list(rotation)}, expected a unit quaternion [x, y, z, w] @ {path}.rotation")
     x, y, z, w = (part / length for part in rotation)
     return MeasurementSource(
-        topic=_text(block["topic"], f"{path}.topic"),
+        topic=_CHECKS.text(block["topic"], f"{path}.topic"),
         to=to,
         scale=_unit(block.get("unit"), known, f"{path}.unit"),
-        field=_text(block.get("field", ""), f"{path}.field"),
-        child=_text(block.get("child", ""), f"{path}.child"),
+        field=_CHECKS.text(block.get("field", ""), f"{path}.field"),
+        child=_CHECKS.text(block.get("child", ""), f"{path}.child"),
         translation=(translation[0], translation[1], translation[2]),
         rotation=(x, y, z, w),
         offset=_offset(block, path, ambient),
@@ -157,62 +153,6 @@ def _offset(block: dict[str, Any], path: str, ambient: float) -> float | None:
     return ambient if absolute else 0.0
 
 
-def _entries(block: dict[str, Any], key: str) -> list[Any]:
-    return _list(block.get(key) or [], key)
-
-
-def _keys(value: Any, known: Collection[str], path: str, *, required: tuple[str, ...] = ()) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise MappingError(f"got {_shown(value)}, expected keys out of {list(known)} @ {path}")
-    for key in value:
-        if key not in known:
-            raise MappingError(f"unknown key {key!r}, expected one of {list(known)} @ {path}")
-    for key in required:
-        if key not in value:
-            raise MappingError(f"missing key {key!r} @ {path}")
-    return value
-
-
-def _choice(value: Any, known: Collection[str], path: str) -> str:
-    if value not in known:
-        raise MappingError(f"got {_shown(value)}, expected one of {list(known)} @ {path}")
-    return str(value)
-
-
 def _unit(value: Any, known: dict[str, float], path: str) -> float:
     # Without a unit a value is in SI: the first of each table.
-    return known[next(iter(known)) if value is None else _choice(value, known, path)]
-
-
-def _number(value: Any, path: str, *, low: float) -> float:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, float))
-        or not math.isfinite(value)
-        or value < low
-    ):
-        raise MappingError(f"got {_shown(value)}, expected a number of at least {low:g} @ {path}")
-    return float(value)
-
-
-def _vector(value: Any, length: int, path: str) -> tuple[float, ...]:
-    if not isinstance(value, list) or len(value) != length:
-        raise MappingError(f"got {_shown(value)}, expected {length} numbers @ {path}")
-    return tuple(_number(item, path, low=-math.inf) for item in value)
-
-
-def _list(value: Any, path: str) -> list[Any]:
-    if not isinstance(value, list):
-        raise MappingError(f"got {_shown(value)}, expected a list @ {path}")
-    return value
-
-
-def _text(value: Any, path: str) -> str:
-    if not isinstance(value, str):
-        raise MappingError(f"got {_shown(value)}, expected text @ {path}")
-    return value
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return known[next(iter(known)) if value is None else _CHECKS.choice(value, known, path)]

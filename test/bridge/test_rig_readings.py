@@ -217,7 +217,7 @@ def test_shipped_rig_files_load(name):
         ({"limits": {"pressure": -1.0}}, "expected a number 1 ... 1e+07 @ limits.pressure"),
         ({"limits": {"presure": 1.0}}, "unknown key 'presure'"),
         ({"limits": {"vent_time": 0.1}}, "expected at least vent_ramp"),
-        ({"links": []}, "expected a list of links @ links"),
+        ({"links": []}, "no link leads to the rig"),
         ({"links": [{"type": "can"}]}, "expected one of ['modbus', 'serial', 'topics'] @ links[0].type"),
         ({"links": [{"type": "modbus"}]}, "missing key 'host' @ links[0]"),
         ({"links": [{"type": "serial", "port": "/dev/x", "unit": "atm"}]}, "unknown unit 'atm'"),

@@ -33,8 +33,8 @@ TRACKER = {"topic": "/tracker", "to": "P0"}
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (None, "expected keys out of"),
-        ([], "expected keys out of"),
+        (None, "expected a mapping with keys out of"),
+        ([], "expected a mapping with keys out of"),
         ({}, "nothing is mapped"),
         ({"command": []}, "unknown key 'command'"),
         ({"commands": {}}, "nothing is mapped"),

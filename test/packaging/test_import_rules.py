@@ -16,6 +16,7 @@ CORE = {"errors", "threads", "physics", "integrators", "inputs", "simulation", "
 ALLOWED = {
     "errors": set(),
     "threads": set(),
+    "user_file": {"errors"},
     "physics": {"errors"},
     "integrators": {"errors", "physics"},
     "inputs": {"errors", "physics"},
@@ -29,15 +30,15 @@ ALLOWED = {
     "plotting": CORE | {"recording", "interface"},
     "study": CORE | {"plotting"},
     "viewing": CORE | {"recording", "interface", "plotting"},
-    "mapping": {"errors"},
-    "compare": CORE | {"recording", "mapping", "plotting"},
+    "mapping": {"errors", "user_file"},
+    "compare": CORE | {"recording", "mapping", "plotting", "user_file"},
     "replay": CORE | {"recording", "interface", "mapping", "plotting"},
     "cli": CORE
     | {"sensors", "recording", "interface", "plotting", "mapping"}
     | {"replay", "compare", "validate", "identify", "study", "viewing"},
     "ros": CORE | {"sensors", "recording", "interface", "bridge", "viewing"},
     "estimate": CORE,
-    "bridge": CORE | {"sensors", "recording", "interface", "estimate", "mapping"},
+    "bridge": CORE | {"sensors", "recording", "interface", "estimate", "mapping", "user_file"},
     "__main__": {"cli"},
     "__init__": CORE,
 }
