@@ -38,7 +38,8 @@ SIM = """\
 ## sim
 
 Node `/ldcs/ldcs_sim`, a lifecycle node with the standard services (`~/change_state`, `~/get_state`, ...);
-`autostart` configures and activates it. `{point}` stands for each named point of the scene, `{arm}` for
+`autostart` configures and activates it. Services of `ldcs_msgs` and of ros-simulation's `simulation_interfaces`
+are offered where these packages are installed. `{point}` stands for each named point of the scene, `{arm}` for
 `left` and `right`. Reliability, durability, history and depth of each topic can be overridden:
 `qos_overrides./ldcs/nodes.publisher.reliability: best_effort`.
 """

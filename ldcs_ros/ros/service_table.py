@@ -21,6 +21,7 @@ class ServiceEntry:
 
 
 _TRIGGER = "std_srvs/srv/Trigger"
+_SIMULATOR = "simulation_interfaces/srv/"
 
 SIM_SERVICES = (
     ServiceEntry("~/pause", _TRIGGER, "time stands still; commands are taken and act when it goes on"),
@@ -31,6 +32,47 @@ SIM_SERVICES = (
     ),
     ServiceEntry(
         "~/rearm", _TRIGGER, "commands for the arms are accepted again after the watchdog has tripped"
+    ),
+    ServiceEntry(
+        "~/apply_wrench",
+        "ldcs_msgs/srv/ApplyWrench",
+        "a wrench at a point for a while, with a ramp up and down",
+    ),
+    ServiceEntry(
+        "~/load_scene",
+        "ldcs_msgs/srv/LoadScene",
+        "another scene without a restart; built while the old one runs on, which stays if it is refused",
+    ),
+    ServiceEntry(
+        "~/get_simulator_features",
+        f"{_SIMULATOR}GetSimulatorFeatures",
+        "what of these services the node offers",
+    ),
+    ServiceEntry("~/get_simulation_state", f"{_SIMULATOR}GetSimulationState", "playing, paused or stopped"),
+    ServiceEntry(
+        "~/set_simulation_state",
+        f"{_SIMULATOR}SetSimulationState",
+        "play, pause, stop (back to the start) or quit",
+    ),
+    ServiceEntry(
+        "~/reset_simulation", f"{_SIMULATOR}ResetSimulation", "back to the start, time and state together"
+    ),
+    ServiceEntry(
+        "~/step_simulation", f"{_SIMULATOR}StepSimulation", "so many publish periods; only while paused"
+    ),
+    ServiceEntry(
+        "~/simulate_steps",
+        "simulation_interfaces/action/SimulateSteps",
+        "action: the same with feedback after each step; can be cancelled",
+    ),
+    ServiceEntry(
+        "~/get_entities", f"{_SIMULATOR}GetEntities", "names of points, nodes and links, by filters"
+    ),
+    ServiceEntry("~/get_entities_states", f"{_SIMULATOR}GetEntitiesStates", "their states at one instant"),
+    ServiceEntry("~/get_entity_state", f"{_SIMULATOR}GetEntityState", "pose, twist and acceleration of one"),
+    ServiceEntry("~/get_entity_info", f"{_SIMULATOR}GetEntityInfo", "what one is"),
+    ServiceEntry(
+        "~/set_entity_state", f"{_SIMULATOR}SetEntityState", "refused: the sheet moves as its physics says"
     ),
 )
 BRIDGE_SERVICES = (
