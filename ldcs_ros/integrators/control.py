@@ -15,12 +15,12 @@ from ldcs_ros.physics.model import Motion
 SMALLEST_STEP = 1e-9  # s; below it a simulation does not end
 LARGEST_STEP = 1.0  # s
 SAFETY = 0.9
-MOST_GROWTH = 2.5
+MOST_GROWTH = 4.0
 # A step that would grow by less stays as it is, so that factors are kept.
 LEAST_GROWTH = 1.2
 # After a step that did not converge, longer ones are tried again little by little.
 CEILING_SHARE = 0.7
-CEILING_GROWTH = 1.1
+CEILING_GROWTH = 1.3
 # After a corner in drives the smooth step before says little about the one after it.
 CORNER_SHARE = 0.25
 # All errors that the motion remembers may add up to this share of what is asked by the methods' own estimates,

@@ -25,6 +25,8 @@ SLOW_RATE = 0.25
 STEP_RATIO = 1.35
 # What an iteration leaves over must not lift a resting sheet off its contact: this share of the onset's width.
 ONSET_SHARE = 1e-3
+# Factorings that a step may take: of its middle, and of a stage that does not converge with those.
+MOST_FACTORISATIONS = 2
 # Iterations of Newton's method where kept factors have failed.
 MOST_NEWTON = 15
 # How long a free sheet goes on with a wrong momentum [s].
@@ -101,41 +103,38 @@ class Dirk(Integrator):
         return jump if kept is None else kept.solve(self.model.momentum(motion.q, jump))
 
     def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
-        rate_step, kept, past = self.tableau.diagonal * h, self._factors, self._past
-        if kept is not None and self._rate <= SLOW_RATE:
-            ratio = rate_step / kept.rate_step
-            if 1 / STEP_RATIO <= ratio <= STEP_RATIO:
-                try:
-                    return self._stages(motion, inputs, h, tolerance, kept)
-                except StepFailure:
-                    self._past = past
+        past = self._past
         try:
-            return self._stages(motion, inputs, h, tolerance, self._renew(motion, inputs, h))
+            return self._stages(motion, inputs, h, tolerance, exactly=False)
         except StepFailure:
             self._past, self._factors = past, None
             if self._onset == np.inf:
                 raise
         try:
-            return self._stages(motion, inputs, h, tolerance, None)
+            return self._stages(motion, inputs, h, tolerance, exactly=True)
         except StepFailure:
             self._past = past
             raise
 
-    def _middle(self, motion: Motion, h: float) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return time, coordinates and rates of a guess of the middle of the step."""
+    def _present(self, motion: Motion, inputs: HeldInputs, h: float) -> tuple[Factors, bool]:
+        """Return kept factors, or new ones of the middle of the step, and whether they are new."""
+        kept, rate_step = self._factors, self.tableau.diagonal * h
+        if kept is not None and self._rate <= SLOW_RATE:
+            if 1 / STEP_RATIO <= rate_step / kept.rate_step <= STEP_RATIO:
+                return kept, False
         free, ahead = self.model.free, MIDDLE * h
         q, u = motion.q.copy(), motion.u.copy()
         q[free] += ahead * (motion.u[free] + 0.5 * ahead * motion.a)
         u[free] += ahead * motion.a
         self.model.prescribe(motion.time + ahead, q, u)
-        return motion.time + ahead, q, u
+        return self._renew(motion.time + ahead, q, u, inputs, rate_step), True
 
-    def _renew(self, motion: Motion, inputs: HeldInputs, h: float) -> Factors:
-        """Factor Newton's matrix in the middle of the step."""
+    def _renew(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float
+    ) -> Factors:
         self.counters.factorisations += 1
         try:
-            middle = self._middle(motion, h)
-            factors = self._system.factor(*middle, inputs, self.tableau.diagonal * h, turning=True)
+            factors = self._system.factor(time, q, u, inputs, rate_step, turning=True)
         except np.linalg.LinAlgError as error:
             raise StepFailure(str(error)) from error
         self._factors, self._rate = factors, FRESH_RATE
@@ -143,7 +142,7 @@ class Dirk(Integrator):
         return factors
 
     def _stages(
-        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, factors: Factors | None
+        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, *, exactly: bool
     ) -> Step:
         tableau, free = self.tableau, self.model.free
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
@@ -154,7 +153,9 @@ class Dirk(Integrator):
         going_on = bool(self._past) and self._past[-1][1] is motion.a
         past = [*(self._past[:-1] if going_on else ()), (motion.time, motion.a)]
         q, u = motion.q.copy(), motion.u.copy()
-        worst = 0.0
+        worst, turned = 0.0, None
+        factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
+        renewals = MOST_FACTORISATIONS - fresh
         for i in range(1, n_stages):
             time = motion.time + tableau.c[i] * h
             stage = Stage(
@@ -166,12 +167,21 @@ class Dirk(Integrator):
             )
             guess = _extrapolate(past[-GUESS_POINTS:], time)
             self.model.prescribe(time, q, u)
-            place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
-            if factors is not None:
-                factors = self._system.turn(factors, time, q, u, inputs, rate_step)
-                a, rate = self._solve(stage, guess, q, u, inputs, factors)
-            else:
-                a, rate = self._solve_exactly(stage, guess, q, u, inputs)
+            while True:
+                place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
+                if factors is None:
+                    a, rate = self._solve_exactly(stage, guess, q, u, inputs)
+                    break
+                turned = self._system.turn(factors, time, q, u, inputs, rate_step)
+                try:
+                    a, rate = self._solve(stage, guess, q, u, inputs, turned)
+                    break
+                except StepFailure:
+                    if not renewals:
+                        raise
+                renewals -= 1
+                place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
+                factors = self._renew(time, q, u, inputs, rate_step)
             worst = max(worst, rate)
             rates[i], accelerations[i] = u[free], a
             past.append((time, a))
@@ -181,8 +191,8 @@ class Dirk(Integrator):
         self.counters.steps += 1
         right = Motion(motion.time + h, q, u, accelerations[-1])
         error = self._size(h, defect, rate_defect)
-        if error > tolerance and factors is not None:
-            filtered = self._filtered(right, inputs, defect, rate_defect, factors)
+        if error > tolerance and turned is not None:
+            filtered = self._filtered(right, inputs, defect, rate_defect, turned)
             error = min(error, self.largest_displacement(filtered))
         return Step(motion, right, error, self._coasting(rate_defect))
 

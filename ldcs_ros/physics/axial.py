@@ -37,7 +37,7 @@ def _add_force_loop(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: i
 
 @compiled
 def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
-    q, u, a, b, rest_length, rest_axis, k, c, definite, n_nodes, by_position, by_rate
+    q, u, a, b, rest_length, rest_axis, k, c, definite, turning, n_nodes, by_position, by_rate
 ):
     n_springs = a.size
     n, rate, across = np.empty(3), np.empty(3), np.empty(3)
@@ -55,19 +55,18 @@ def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
             n[r] = rest_axis[s, r] if lost else n[r] / length
             stretch_rate += n[r] * rate[r]
         tension = k[s] * (length - rest_length[s]) + c[s] * stretch_rate
-        turning = 0.0 if lost else tension / length
-        turning_damper = 0.0 if lost else c[s] / length
+        pull = 0.0 if lost or turning else tension / length
+        turning_damper = 0.0 if lost or definite or turning else c[s] / length
         if definite:
-            turning = max(turning, 0.0)
-            turning_damper = 0.0
+            pull = max(pull, 0.0)
         for r in range(3):
             across[r] = rate[r] - stretch_rate * n[r]
         for r in range(3):
             for t in range(3):
                 square_n = n[r] * n[t]
-                stiff = k[s] * square_n - turning * square_n + turning_damper * n[r] * across[t]
+                stiff = k[s] * square_n - pull * square_n + turning_damper * n[r] * across[t]
                 if r == t:
-                    stiff += turning
+                    stiff += pull
                 damp = c[s] * square_n
                 by_position[i, r, t] -= stiff
                 by_position[j, r, t] -= stiff
@@ -101,22 +100,22 @@ def _add_force_whole(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: 
 
 
 def _fill_jacobian_whole(  # type: ignore[no-untyped-def]
-    q, u, a, b, rest_length, rest_axis, k, c, definite, n_nodes, by_position, by_rate
+    q, u, a, b, rest_length, rest_axis, k, c, definite, turning, n_nodes, by_position, by_rate
 ):
     n, length, lost = _axes(q, a, b, rest_length, rest_axis)
     v = u[: 3 * n_nodes].reshape(-1, 3)
     rate = v[b] - v[a]
     stretch_rate = np.einsum("ij,ij->i", n, rate)
     safe = np.where(lost, 1.0, length)
-    turning = np.where(lost, 0.0, (k * (length - rest_length) + c * stretch_rate) / safe)
-    turning_damper = np.where(lost, 0.0, c / safe)
+    pull = np.where(lost | turning, 0.0, (k * (length - rest_length) + c * stretch_rate) / safe)
+    turning_damper = np.where(lost | definite | turning, 0.0, c / safe)
     if definite:
-        turning, turning_damper = np.maximum(turning, 0.0), np.zeros_like(turning)
+        pull = np.maximum(pull, 0.0)
     along = n[:, :, None] * n[:, None, :]
     across = rate - stretch_rate[:, None] * n
     stiff = (
-        (k - turning)[:, None, None] * along
-        + turning[:, None, None] * np.eye(3)
+        (k - pull)[:, None, None] * along
+        + pull[:, None, None] * np.eye(3)
         + turning_damper[:, None, None] * n[:, :, None] * across[:, None, :]
     )
     for values, block in ((by_position, stiff), (by_rate, c[:, None, None] * along)):

@@ -182,11 +182,12 @@ class Model:
             u: Their rates.
             inputs: What is commanded.
             definite: Of the stable part only.
-            turning: Of what turns with the sheet as if it stood still: symmetric. `LinearSystem.turn` puts back what
-                its turning does.
+            turning: Without what is unsymmetric as the sheet turns; `LinearSystem.turn` puts it back.
         """
-        still = np.zeros_like(u) if turning else u
-        values = [term.jacobian(time, q, still if term.turns else u, inputs, definite) for term in self.terms]
+        values = [
+            (term.turning_jacobian if turning and term.turns else term.jacobian)(time, q, u, inputs, definite)
+            for term in self.terms
+        ]
         return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
 
     def potential_energy(self, time: float, q: np.ndarray) -> float:

@@ -84,8 +84,8 @@ def test_compiled_and_whole_array_kernels_agree(make_model, general_motion):
     n = model.lattice.n_nodes
     for definite in (False, True):
         tables = [[np.zeros((n + 2 * len(term.a), 3, 3)) for _ in range(2)] for _ in range(2)]
-        axial._fill_jacobian_loop(*parts, definite, n, *tables[0])
-        axial._fill_jacobian_whole(*parts, definite, n, *tables[1])
+        axial._fill_jacobian_loop(*parts, definite, False, n, *tables[0])
+        axial._fill_jacobian_whole(*parts, definite, False, n, *tables[1])
         np.testing.assert_allclose(tables[0], tables[1], atol=1e-9)
 
 

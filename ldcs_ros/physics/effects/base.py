@@ -111,3 +111,9 @@ class Term:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the values of d(force)/dq and d(force)/du at `entries()`, shape (n,) each."""
         return NO_VALUES, NO_VALUES
+
+    def turning_jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return a symmetric Jacobian, for factors that turn with the sheet; here that of a sheet at rest."""
+        return self.jacobian(time, q, np.zeros_like(u), inputs, definite)

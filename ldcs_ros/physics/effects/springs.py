@@ -118,6 +118,18 @@ class AxialTerm(SpringTerm):
     def jacobian(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
+        return self._jacobian(q, u, definite, False)
+
+    def turning_jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        # Without the springs' tension it is positive definite. Bending puts opposite tensions on top and bottom, so
+        # little is lost; a guessed motion of a fine lattice has tensions that the true one has not.
+        return self._jacobian(q, u, definite, True)
+
+    def _jacobian(
+        self, q: np.ndarray, u: np.ndarray, definite: bool, turning: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
         n_nodes, n_springs = self.lattice.n_nodes, len(self.a)
         by_position = np.zeros((n_nodes + 2 * n_springs, 3, 3))
         by_rate = np.zeros((n_nodes + 2 * n_springs, 3, 3))
@@ -131,6 +143,7 @@ class AxialTerm(SpringTerm):
             self.k,
             self.c,
             definite,
+            turning,
             n_nodes,
             by_position,
             by_rate,
