@@ -39,6 +39,10 @@ hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases
 	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
 	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
 
+viewer: setup  ## install the viewer of `ldcs view` (half a gigabyte) and check it in a headless chromium
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/view.lock
+	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/viewing
+
 types: setup  ## check the types
 	@$(BIN)/mypy
 
@@ -78,4 +82,4 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 $(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer types msgs colcon bags docs lock clean

@@ -48,7 +48,7 @@ setup(
         # What the bridge needs for valve islands (Modbus TCP) and serial lines.
         "rig": ["pymodbus>=3.16", "pyserial"],
         # What `ldcs view` shows bags and running twins with.
-        "view": ["rerun-sdk>=0.41"],
+        "view": ["rerun-sdk>=0.39"],
         # What `ldcs study --scheduler` needs to use more than one machine.
         "cluster": ["distributed"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.

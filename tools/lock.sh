@@ -18,4 +18,5 @@ compile() {
 
 compile setup.py requirements/core.lock --extra dev --extra rig --constraint requirements/constraints.txt
 compile requirements/ros.in requirements/ros.lock --constraint requirements/core.lock
+compile requirements/view.in requirements/view.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/colcon.in requirements/colcon.lock --constraint requirements/core.lock --constraint requirements/ros.lock

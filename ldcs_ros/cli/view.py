@@ -79,19 +79,19 @@ def _show(recording: Any, path: Path, arguments: argparse.Namespace) -> int:
     from ldcs_ros.viewing.showing import open_browser, save_picture, until_stopped
     from ldcs_ros.viewing.site import bag_site
 
-    picture = arguments.screenshot
-    written = _write(recording, path, arguments, play="playing" if picture is None else "following")
-    with bag_site(path, arguments.port if picture is None else 0) as site:
-        if picture is not None:
+    if (picture := arguments.screenshot) is not None:
+        written = _write(recording, path, arguments, play="following")
+        with bag_site(path, 0) as site:
             save_picture(site.address, picture)
-            _tell(arguments, written, file=str(picture))
-            return 0
+        _tell(arguments, written, file=str(picture))
+        return 0
+    written = _write(recording, path, arguments, play="playing")
+    with until_stopped() as stopped, bag_site(path, arguments.port) as site:
         _tell(arguments, written, url=site.address)
-        with until_stopped() as wait:
-            if not arguments.no_browser:
-                open_browser(site.address)
-            while not wait(1.0):
-                pass
+        if not arguments.no_browser:
+            open_browser(site.address)
+        while not stopped(1.0):
+            pass
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from ldcs_ros.viewing.live import LiveShow
+    from ldcs_ros.viewing.site import Site
 
 NAME = "live_view"
 MEMORY = "1GiB"
@@ -63,17 +65,29 @@ def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
             rclpy.try_shutdown()
 
 
-def _show(arguments: argparse.Namespace, site: Any, stopped: Any) -> int:
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-
+def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], bool]) -> int:
     from ldcs_ros.viewing.live import LiveShow
-    from ldcs_ros.viewing.showing import open_browser, save_picture
+    from ldcs_ros.viewing.showing import open_browser
 
     _tell(arguments, site.address)
     if not arguments.no_browser and arguments.screenshot is None:
         open_browser(site.address)
     show = LiveShow(partial(_stream, site.data_url, arguments))
+    try:
+        return _follow(arguments, site.address, show, stopped)
+    finally:
+        show.close()
+
+
+def _follow(
+    arguments: argparse.Namespace, address: str, show: LiveShow, stopped: Callable[[float], bool]
+) -> int:
+    """Draw what comes until somebody stops it, or until the picture is taken."""
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    from ldcs_ros.viewing.showing import save_picture
+
     node = Node("ldcs_view", namespace=arguments.namespace)
     listener = Listener(node, show)
     executor = SingleThreadedExecutor()
@@ -91,7 +105,7 @@ def _show(arguments: argparse.Namespace, site: Any, stopped: Any) -> int:
             first = first or (now if surfaces else 0.0)
         if arguments.screenshot is not None:
             if first and now > first + _PICTURE_AFTER:
-                save_picture(site.address, arguments.screenshot)
+                save_picture(address, arguments.screenshot)
                 return 0
             if not first and now > began + _PATIENCE:
                 raise ViewingError(

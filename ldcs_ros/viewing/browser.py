@@ -41,6 +41,10 @@ _FLAGS = (
 )
 
 
+class Refused(ViewingError):
+    """The browser would not do what it was asked."""
+
+
 def find_browser() -> str | None:
     """Return the path of an installed Chromium or Chrome; None if there is none."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -74,6 +78,8 @@ def take_picture(
         chromium = _Chromium(browser, profile, size)
         try:
             return _picture(chromium, url, size, ready, timeout)
+        except ViewingError:
+            raise
         except (OSError, EOFError, KeyError) as error:
             raise ViewingError(f"the browser {browser} failed: {error!r}; {chromium.complaint()}") from error
         finally:
@@ -93,7 +99,10 @@ def _picture(
     before = np.zeros(0)
     while time.monotonic() < deadline:
         time.sleep(_LOOK_PERIOD)
-        png = base64.b64decode(chromium.ask("Page.captureScreenshot", page, format="png")["data"])
+        try:
+            png = base64.b64decode(chromium.ask("Page.captureScreenshot", page, format="png")["data"])
+        except Refused:  # while it goes to another page there is none
+            continue
         seen = _pixels(png)
         if np.array_equal(seen, before) and ready(seen):
             return png
@@ -154,7 +163,7 @@ class _Chromium:
             answer = self._next_message(deadline)
             if answer.get("id") == self._number:
                 if "error" in answer:
-                    raise ViewingError(f"the browser refused {method}: {answer['error'].get('message')}")
+                    raise Refused(f"the browser refused {method}: {answer['error'].get('message')}")
                 result: dict[str, Any] = answer["result"]
                 return result
 

@@ -29,6 +29,7 @@ MOST_SURFACES = 3000
 """Surfaces that are shown of a long bag, evenly spread: a browser holds them in its memory."""
 
 MM, KPA = 1e3, 1e-3
+_SAME_TIME = 1e-9  # s
 _AXES = "xyz"
 
 
@@ -107,7 +108,7 @@ def write_bag(
         markers = None if scene is None else Markers(scene)
         for moment in moments(recording, scene, every=every):
             time = float(seconds(np.array([moment.time]), recording.start)[0])
-            if time > until:
+            if time > until + _SAME_TIME:
                 break
             times.append(time)
             _show(stage, markers, time, moment)
@@ -118,7 +119,7 @@ def write_bag(
     if not present.size:
         raise RecordingError(f"{recording.name} holds nothing up to {until:g} s; choose a later time")
     shown = (len(times), every, tuple(stage.point_names), tuple(stage.plots))
-    return Written(float(present.min()), float(present.max()), *shown)
+    return Written(round(float(present.min()), 9), round(float(present.max()), 9), *shown)
 
 
 def _show(stage: Stage, markers: Markers | None, time: float, moment: Moment) -> None:
@@ -160,7 +161,7 @@ def _write_courses(
 
 def _cut(tracks: Mapping[str, Track], until: float) -> dict[str, Track]:
     """Return tracks up to a time [s], without those that have not begun by then."""
-    kept = {name: track.time <= until for name, track in tracks.items()}
+    kept = {name: track.time <= until + _SAME_TIME for name, track in tracks.items()}
     return {
         name: Track(track.time[kept[name]], track.value[kept[name]])
         for name, track in tracks.items()

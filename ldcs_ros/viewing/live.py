@@ -73,6 +73,7 @@ class LiveShow:
         times = [_stamp(one) for one in decoded.values() if hasattr(one, "header")]
         times += [row[0][0] for row in rows.values()]
         if times and max(times) < self._time - _BACK:
+            self.close()
             self._begin()
         self._time = max([self._time, *times])
         for topic, message in decoded.items():
@@ -87,6 +88,10 @@ class LiveShow:
             self._draw_rows(topic, np.array([time for time, _ in row]), np.array([value for _, value in row]))
         self._lay_out()
         return self._surfaces
+
+    def close(self) -> None:
+        """End the recording; what was drawn has been handed over then."""
+        self._stream.disconnect()
 
     def _begin(self) -> None:
         self._stream = self._new_stream()
@@ -103,10 +108,10 @@ class LiveShow:
         parts = topic.split("/")
         if parts[-1] == "pose":
             name, truth = parts[-2], parts[0] == "truth"
-            origin = self._origins.setdefault(name, values[0])
+            origin = self._origins.setdefault(topic, values[0])
             if truth:
                 self._stage.points(times, {name: values})
-            title = f"{name} {'state' if truth else 'tracker'}: moved since the view began [mm]"
+            title = f"{name} {'state' if truth else 'tracker'}: moved so far [mm]"
             self._stage.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
             self._stage.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)

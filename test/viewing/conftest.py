@@ -1,0 +1,65 @@
+"""A short bag to look at: a small sheet lifted by pneumatic arms, pushed at P0 by a schedule and by a command."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ldcs_ros import load_scene
+from ldcs_ros.interface import messages
+from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.interface.twin import Twin
+from ldcs_ros.recording import read_bag
+
+SCENE = {
+    "title": "A small sheet on a pneumatic pair of arms",
+    "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [5, 4], "mass": 0.160},
+    "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
+    "effects": [
+        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
+        {"type": "gravity"},
+        {"type": "clamp", "edge": "x_min"},
+        {"type": "payload", "at": "P1", "mass": 0.010},
+        {"type": "arms", "drive": "pressure"},
+        {"type": "wrench"},
+    ],
+    "inputs": [
+        {"time": 0.0, "pressure": [1.0e5, 0.8e5]},
+        {"time": 0.1, "wrench": {"frame": "P0_aligned", "force": [0.0, 0.2, 0.0]}},
+    ],
+    "sensors": {"tracker": {"points": ["P0", "P1"], "rate": 80.0}, "pressure": {"rate": 100.0}},
+    "solver": {"integrator": "auto", "accuracy": 1.0e-4},
+}
+END = 0.4
+
+
+@pytest.fixture(scope="session")
+def lift(tmp_path_factory):
+    """The bag, and link angles [rad] and node positions [m] by the time [s] of each report."""
+    twin = Twin(load_scene(SCENE))
+    recorder = Recorder(tmp_path_factory.mktemp("bags") / "lift", twin)
+    states = {}
+
+    def note(topic, *_):
+        if topic == "nodes":
+            state = twin.simulation.state
+            states[round(state.time, 6)] = (state.position.copy(), np.copy(state.link_angle))
+
+    twin.sinks += [recorder, note]
+    twin.advance_to(0.2)
+    twin.receive("external_wrench", messages.wrench_command(0, "P1", (0.0, 0.0, -0.3), (0.0, 0.01, 0.0)))
+    twin.advance_to(END)
+    recorder.close()
+    return recorder.folder, states
+
+
+@pytest.fixture(scope="session")
+def bag(lift):
+    """Folder of the bag."""
+    return lift[0]
+
+
+@pytest.fixture
+def recording(bag):
+    """The bag, opened."""
+    return read_bag(bag)
