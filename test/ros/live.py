@@ -12,6 +12,8 @@ from collections import defaultdict
 from importlib import import_module
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -29,12 +31,13 @@ def own_domain():
 
 
 class LiveNode:
-    """`sim` in its own process and process group."""
+    """`sim` in its own process and process group; `program` is a file to run instead, `arguments` are for ROS."""
 
-    def __init__(self, log, domain, **parameters):
+    def __init__(self, log, domain, *, program=None, arguments=(), **parameters):
         self.log = log
         self.domain = domain
-        command = [sys.executable, "-m", "ldcs_ros.ros.sim_node", "--ros-args"]
+        module = ["-m", "ldcs_ros.ros.sim_node"] if program is None else [str(program)]
+        command = [sys.executable, *module, "--ros-args", *arguments]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
@@ -71,6 +74,7 @@ class PlainUser:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self.received = defaultdict(list)
+        self._clients = {}
 
     def close(self):
         self._executor.shutdown()
@@ -107,12 +111,18 @@ class PlainUser:
         return publisher
 
     def call(self, name, service=Trigger, request=None):
-        client = self.node.create_client(service, name)
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service, name)
+        client = self._clients[name]
         self.until(client.service_is_ready)
         future = client.call_async(request or service.Request())
         self.until(future.done)
-        self.node.destroy_client(client)
         return future.result()
+
+    def change_state(self, transition):
+        """Send the simulation node's lifecycle a transition, by its number; return whether it was made."""
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return self.call("/ldcs/ldcs_sim/change_state", ChangeState, request).success
 
     def set_parameters(self, *, atomically=False, **values):
         service = SetParametersAtomically if atomically else SetParameters

@@ -103,16 +103,12 @@ def test_a_silent_sender_is_vented_and_must_rearm(start):
 
 def test_a_node_that_does_not_start_by_itself_is_driven_by_its_lifecycle(start):
     from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
 
     node, user = start(scene="single_spring", autostart=False)
     user.listen(NODES, "sensor_msgs/PointCloud2")
     assert not user.call("/ldcs/ldcs_sim/pause").success
 
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return user.call("/ldcs/ldcs_sim/change_state", ChangeState, request).success
-
+    change = user.change_state
     for _ in range(2):
         assert change(Transition.TRANSITION_CONFIGURE)
         assert change(Transition.TRANSITION_ACTIVATE)
