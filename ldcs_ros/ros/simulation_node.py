@@ -20,6 +20,7 @@ from ldcs_ros.ros import parameters
 from ldcs_ros.ros.bag_keeper import BagKeeper
 from ldcs_ros.ros.clock_watch import ClockWatch, sim_time_complaint
 from ldcs_ros.ros.health import health, interface_states
+from ldcs_ros.ros.namesakes import Namesakes
 from ldcs_ros.ros.optional import installed, missing_line
 from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
@@ -64,6 +65,7 @@ class SimulationNode(LifecycleNode):
         self._problem: LdcsError | None = None
         self._transport = Transport(self)
         self._clock_watch = ClockWatch(self)
+        self._namesakes = Namesakes(self)
         self._runner: Runner | None = None
         self._bag = BagKeeper(self.get_logger())
         self._status: StatusLine | None = None
@@ -290,6 +292,7 @@ class SimulationNode(LifecycleNode):
             self._bag.watch()
             missed = self._transport.missed
             statuses = health(runner, self._bag.recorder, self._bag.error, self._interfaces, missed)
+            statuses.append(self._namesakes.look())
             if runner.twin.publish_clock:
                 statuses.append(self._clock_watch.look())
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
 
 from load_session import Session
+from load_tables import row
 
 from ldcs_ros.interface import messages
+from ldcs_ros.recording import read_bag
 
 JOINTS = ("left_joint_1", "right_joint_1")
 
@@ -50,4 +53,30 @@ def flood(folder, *, rate=1000.0, duration=10.0, scene="rig", publish_rate=200.0
             float(after["simulation time [s]"]) - float(before["simulation time [s]"])
         ) / (time.monotonic() - start)
         result["overruns"] = int(after["overruns"]) - int(before["overruns"])
-        return result
+        result["missed"] = int(session.health()["commands"]["missed, queue full"])
+        session.node.stop(signal.SIGINT)
+    bag = read_bag(folder / "bag").counts
+    # The last one vents the arms when the node ends.
+    result["recorded"] = bag["/ldcs/pressure_command"] - 1
+    return result
+
+
+def rows(folder, tell, *, seconds=30.0):
+    """Flood at 1 kHz and at 3 kHz, and judge."""
+    result = []
+    for rate in (1000.0, 3000.0):
+        tell(f"{rate:g} commands a second, {seconds:g} s")
+        (folder / f"{rate:g}").mkdir()
+        run = flood(folder / f"{rate:g}", rate=rate, duration=seconds)
+        total = run["applied"] + run["refused"] + run["missed"]
+        name = f"{rate / 1e3:g} kHz: "
+        sums = f"{run['applied']} + {run['refused']} + {run['missed']} of {run['sent']}"
+        result += [
+            row(f"{name}applied + refused + missed of sent", sums, "the sum", total == run["sent"]),
+            row(f"{name}missed", run["missed"], "0", run["missed"] == 0),
+            row(f"{name}applied ones in the bag", run["recorded"], "all", run["recorded"] == run["applied"]),
+            row(f"{name}processor [cores]", run["cpu"], "", True),
+            row(f"{name}real-time factor", run["real_time_factor"], "", True),
+            row(f"{name}overruns, counted", run["overruns"], "", True),
+        ]
+    return result
