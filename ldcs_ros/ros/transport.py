@@ -37,9 +37,10 @@ class Transport:
         Topics whose message package is not installed are left out; those that are open stay as they are.
 
         Returns:
-            The topics by name, each with the quality of service that it got.
+            Those of the topics that are open, by name, each with the quality of service that it got.
         """
-        for topic in topics:
+        asked = list(topics)
+        for topic in asked:
             if topic.name in self._opened or find_spec(topic.type.split("/")[0]) is None:
                 continue
             kind, qos = message_type(topic.type), profile(topic)
@@ -55,7 +56,7 @@ class Transport:
                 self._intakes.append(intake)
                 self._subscriptions.append(intake.subscription)
             self._opened[topic.name] = with_profile(topic, qos)
-        return dict(self._opened)
+        return {topic.name: self._opened[topic.name] for topic in asked if topic.name in self._opened}
 
     def keep(self, topics: Iterable[str]) -> None:
         """Publish nothing but these topics any more."""
