@@ -9,6 +9,7 @@ from typing import Any
 
 from ldcs_ros.cli.arguments import CommandLineError, metres, seed
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
+from ldcs_ros.cli.scene_argument import add_map, add_set, given_mapping, scene_of
 
 DESCRIPTION = """\
 Fit numbers of a scene to bags: the commands of each bag are fed to the scene, and the numbers are found for which
@@ -36,17 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--hold-out", metavar="BAG", type=Path, action="append", default=[], help="bag to predict, not to fit"
     )
     parser.add_argument("--scene", metavar="SCENE", help="scene to start from; the first bag's if not given")
-    parser.add_argument(
-        "--set",
-        metavar="PATH=VALUE",
-        dest="overrides",
-        action="append",
-        default=[],
-        help="change a key of the scene before fitting; repeatable",
-    )
-    parser.add_argument(
-        "--map", metavar="FILE", dest="mapping", type=Path, help="what a rig's topics mean (YAML)"
-    )
+    add_set(parser)
+    add_map(parser)
     parser.add_argument(
         "--noise",
         metavar="M",
@@ -75,10 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.identify.identify import identify
     from ldcs_ros.identify.parameters import parse_parameter
     from ldcs_ros.identify.scene_file import as_dict, scene_text, write_scene
-    from ldcs_ros.mapping import load_mapping
 
-    scene = _scene(arguments)
-    mapping = None if arguments.mapping is None else load_mapping(arguments.mapping)
+    scene = scene_of(arguments.bags[0], arguments)
+    mapping = given_mapping(arguments)
     content = yaml.safe_load(scene.text)
     parameters = [parse_parameter(text, content) for text in arguments.fit]
     read = [
@@ -115,21 +106,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"ldcs: error: misfit: {found.misfit.words}", file=sys.stderr)
         return EXIT_MISFIT
     return 0
-
-
-def _scene(arguments: argparse.Namespace) -> Any:
-    from ldcs_ros.cli.scene_argument import changed_scene, scene_with
-    from ldcs_ros.errors import SceneError
-    from ldcs_ros.identify.experiments import recorded_scene
-
-    if arguments.scene is not None:
-        return scene_with(arguments.scene, arguments.overrides)
-    scene = recorded_scene(arguments.bags[0])
-    if scene is None:
-        raise SceneError(
-            f"{arguments.bags[0]} does not say what it is a recording of; name a scene with --scene"
-        )
-    return changed_scene(scene, arguments.overrides)
 
 
 def _print(found: Any, read: Any, output: Path | None) -> None:

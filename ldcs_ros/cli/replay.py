@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ldcs_ros.cli.arguments import metres, seconds, seed
 from ldcs_ros.cli.interruption import Interruption
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
+from ldcs_ros.cli.scene_argument import add_map, add_set, given_mapping, scene_of
 
 if TYPE_CHECKING:
     from ldcs_ros.replay.session import Replay
@@ -32,18 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     parser.add_argument("source", metavar="BAG", type=Path, help="bag folder, .mcap or .db3 file")
     parser.add_argument("--bag", metavar="DIR", type=Path, required=True, help="new bag folder")
-    parser.add_argument(
-        "--map", metavar="FILE", dest="mapping", type=Path, help="what the topics of a rig's bag mean (YAML)"
-    )
+    add_map(parser)
     parser.add_argument("--scene", metavar="SCENE", help="another scene than the recorded one")
-    parser.add_argument(
-        "--set",
-        metavar="PATH=VALUE",
-        dest="overrides",
-        action="append",
-        default=[],
-        help="change a key of the scene; repeatable",
-    )
+    add_set(parser)
     parser.add_argument(
         "--accuracy", metavar="M", type=metres, help="largest node position error accepted [m]"
     )
@@ -53,11 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay, print what came out; status 0, 1 if the check failed or the recording stopped, 130 if interrupted."""
-    from ldcs_ros.mapping import load_mapping
     from ldcs_ros.replay.session import Changes, replay
 
-    mapping = None if arguments.mapping is None else load_mapping(arguments.mapping)
-    changes = Changes(_scene(arguments), arguments.seed, arguments.accuracy, arguments.duration)
+    mapping = given_mapping(arguments)
+    changed = arguments.scene is not None or arguments.overrides
+    scene = scene_of(arguments.source, arguments) if changed else None
+    changes = Changes(scene, arguments.seed, arguments.accuracy, arguments.duration)
     label = f"replay {arguments.source.name}"
     with Interruption() as interruption, Progress(1.0, label=label, unit="", quiet=arguments.json) as bar:
         done = replay(
@@ -83,22 +76,6 @@ def _status(done: Replay) -> int:
         print(f"ldcs: interrupted at t = {done.twin.time:.3f} s; the bag is closed", file=sys.stderr)
         return EXIT_INTERRUPTED
     return 0 if done.verdict is None or done.verdict.passed else EXIT_CHECK_FAILED
-
-
-def _scene(arguments: argparse.Namespace) -> Any:
-    if arguments.scene is None and not arguments.overrides:
-        return None
-    from ldcs_ros.cli.scene_argument import changed_scene, scene_with
-    from ldcs_ros.errors import SceneError
-    from ldcs_ros.recording import read_bag
-    from ldcs_ros.replay.description import recorded_scene
-
-    if arguments.scene is not None:
-        return scene_with(arguments.scene, arguments.overrides)
-    scene = recorded_scene(read_bag(arguments.source))
-    if scene is None:
-        raise SceneError(f"{arguments.source} holds no scene that --set could change; name one with --scene")
-    return changed_scene(scene, arguments.overrides)
 
 
 def _report(done: Replay) -> dict[str, Any]:

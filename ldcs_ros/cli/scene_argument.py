@@ -1,11 +1,62 @@
-"""The argument SCENE with its `--set` changes: a shipped name or a file, to a checked Scene."""
+"""The arguments that say which scene: SCENE or --scene, changed by --set; to a checked Scene."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from ldcs_ros.cli.overrides import apply_overrides
+
+
+def add_set(parser: argparse.ArgumentParser) -> None:
+    """Declare `--set PATH=VALUE`."""
+    parser.add_argument(
+        "--set",
+        metavar="PATH=VALUE",
+        dest="overrides",
+        action="append",
+        default=[],
+        help="change a key of the scene: lattice.nodes=[17,17], effects.springs.stiffness=139; repeatable",
+    )
+
+
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Declare `--map FILE`."""
+    parser.add_argument(
+        "--map", metavar="FILE", dest="mapping", type=Path, help="what the topics of a rig's bag mean (YAML)"
+    )
+
+
+def given_mapping(arguments: argparse.Namespace) -> Any:
+    """Return the mapping of `--map`; None without it.
+
+    Raises:
+        MappingError: The file is not sound.
+    """
+    from ldcs_ros.mapping import load_mapping
+
+    return None if arguments.mapping is None else load_mapping(arguments.mapping)
+
+
+def scene_of(bag: Path, arguments: argparse.Namespace) -> Any:
+    """Return the scene of `--scene`, or else the one that a bag carries, with the changes of `--set`.
+
+    Raises:
+        SceneError: There is none, or it is not valid, before or after the changes.
+        RecordingError: The bag cannot be read.
+    """
+    from ldcs_ros.errors import SceneError
+    from ldcs_ros.recording import read_bag
+    from ldcs_ros.replay.description import recorded_scene
+
+    if arguments.scene is not None:
+        return scene_with(arguments.scene, arguments.overrides)
+    scene = recorded_scene(read_bag(bag))
+    if scene is None:
+        raise SceneError(f"{bag} does not say what it is a recording of; name a scene with --scene")
+    return changed_scene(scene, arguments.overrides)
 
 
 def scene_with(source: str, overrides: Sequence[str]) -> Any:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ldcs_ros.cli.arguments import CommandLineError, metres, seconds, seed
 from ldcs_ros.cli.interruption import Interruption
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
+from ldcs_ros.cli.scene_argument import add_set, scene_with
 from ldcs_ros.errors import DivergenceError
 
 if TYPE_CHECKING:
@@ -56,14 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", metavar="N", type=seed, help="seed of the sensors' noise; the scene's if not given"
     )
-    parser.add_argument(
-        "--set",
-        metavar="PATH=VALUE",
-        dest="overrides",
-        action="append",
-        default=[],
-        help="change a key of the scene: lattice.nodes=[17,17], effects.springs.stiffness=139; repeatable",
-    )
+    add_set(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -72,7 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError(
             "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
         )
-    from ldcs_ros.cli.scene_argument import scene_with
     from ldcs_ros.interface.recorder import Recorder
     from ldcs_ros.interface.twin import Twin
 

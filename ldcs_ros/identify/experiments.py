@@ -66,12 +66,6 @@ class Experiment:
         return int(np.isfinite(self.position).sum())
 
 
-def recorded_scene(bag: str | os.PathLike[str]) -> Scene | None:
-    """Return the scene that a bag was run with, None for a rig's bag."""
-    description = describe(read_bag(bag))
-    return None if description is None else description.scene
-
-
 def read_experiment(
     bag: str | os.PathLike[str], scene: Scene, *, mapping: Mapping | None = None, noise: float | None = None
 ) -> Experiment:

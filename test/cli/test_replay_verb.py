@@ -76,7 +76,7 @@ def test_another_scene_makes_another_run(ldcs, bag, tmp_path):
         (["bag", "--bag", "new", "--scene", "papr"], "papr"),
         (["bag", "--bag", "new", "--set", "effects.payload.mass=-1"], "mass"),
         (["foreign", "--bag", "new"], "--scene rig"),
-        (["foreign", "--bag", "new", "--set", "title=x"], "name one with --scene"),
+        (["foreign", "--bag", "new", "--set", "title=x"], "name a scene with --scene"),
         (["foreign", "--bag", "new", "--scene", "rig"], "mapping file"),
     ],
 )
