@@ -96,6 +96,11 @@ class Commands:
         self.accepted[topic] += 1
         return message
 
+    def count_on(self, earlier: Commands) -> None:
+        """Go on with the counters of another twin, whose place this one takes."""
+        self.accepted, self.refused = earlier.accepted.copy(), earlier.refused.copy()
+        self.last_refusal = earlier.last_refusal
+
     def refuse(self, refusal: Refusal, topic: str) -> None:
         """Count a refusal; also for those that are decided outside, such as the watchdog's."""
         self.refused[refusal.reason] += 1

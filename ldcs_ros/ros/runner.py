@@ -194,6 +194,7 @@ class Runner:
         self._apply_commands()
         running = self.mode in (Mode.RUNNING, Mode.FAILED)
         between()
+        twin.commands.count_on(self.twin.commands)
         self.twin = twin
         twin.watchdog.suspend()
         self.mode, self.failure = self.mode if self.mode is Mode.STOPPED else Mode.PAUSED, ""

@@ -15,6 +15,7 @@ from ldcs_ros.scene import schema
 from ldcs_ros.scene.scene import Scene, Solver
 
 MOST_BYTES = 1_000_000
+MOST_SHOWN = 200
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -36,10 +37,11 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
     path = Path(source)
     if str(source) in shipped:
         path = shipped[str(source)]
-    elif not path.is_file():
+    elif not os.path.isfile(path):  # Path.is_file fails at names that no file can have
         hint = did_you_mean(str(source), shipped)
+        shown = f"{str(source)[:MOST_SHOWN]!r}{'...' if len(str(source)) > MOST_SHOWN else ''}"
         raise SceneError(
-            f"no scene {str(source)!r}: neither a file nor a shipped scene out of {list(shipped)}.{hint}"
+            f"no scene {shown}: neither a file nor a shipped scene out of {list(shipped)}.{hint}"
         )
     return parse_scene(_read(path), name=path.stem, origin=path.name)
 

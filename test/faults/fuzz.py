@@ -23,6 +23,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from sent_messages import INPUTS, Sender
 
+from ldcs_ros.interface.commands import REASONS
 from ldcs_ros.recording import read_bag
 from ldcs_ros.replay.session import replay
 from ldcs_ros.ros.parameters import PARAMETERS
@@ -183,7 +184,15 @@ class Fuzzer:
                 waiting.append((name, end, future))
             elif not future.done():
                 self.tally.unanswered[name] += 1
+            elif name.endswith("/apply_wrench"):
+                self._count_answer("apply_wrench", future.result())
         self._pending = waiting
+
+    def _count_answer(self, what: str, answer) -> None:
+        # Counted like a message, unless the node was in no state to look at it.
+        if answer.success or answer.message.partition(":")[0] in REASONS:
+            self.tally.sent[what] += 1
+            self._epoch += 1
 
     def _finish_calls(self) -> None:
         while self._pending:

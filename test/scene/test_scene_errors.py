@@ -140,3 +140,10 @@ def test_a_command_that_its_effect_will_refuse_is_refused_before_the_run():
     late["inputs"] += [{"time": 600.0, "torque": 99.0}]
     with pytest.raises(SceneError, match=r"torque: got .* @ inputs\[1\]"):
         load_scene(late).build()
+
+
+@pytest.mark.parametrize("name", ["x" * 20_000, "a\0b", "", "/", "."])
+def test_a_name_that_no_file_can_have_is_refused_in_one_line(name):
+    with pytest.raises(SceneError, match="neither a file nor a shipped scene") as refused:
+        load_scene(name)
+    assert len(str(refused.value)) < 600
