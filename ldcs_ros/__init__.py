@@ -2,11 +2,9 @@
 
 The data flow:
 
-    scene file -> Scene -> Model (only the effects the scene names) -> Simulation (model + integrator) ->
-    State
+    scene file -> Scene -> Model (only the effects the scene names) -> Simulation (model + integrator) -> State
                                                                           |            |
-    commands (pressure, torque, wrench) -> Inputs -----------------------+            +-> sensors -> messages,
-    bag
+    commands (pressure, torque, wrench) -> Inputs ------------------------+            +-> sensors -> messages, bag
 
     from ldcs_ros import load_scene
     simulation = load_scene("paper").build()

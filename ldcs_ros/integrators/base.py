@@ -1,19 +1,16 @@
 """The contract of an integrator, as a numbered list.
 
-1. An integrator is made for one model: `Method(model)`; it keeps nothing of the motion but what
-   makes
-   the next step cheaper (factors), and that is part of `memory`, so a run can go on to the bit.
-2. `step(motion, inputs, h, tolerance)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion stays
-   whole.
-3. `motion.a` are the accelerations at the motion; `start` makes them, and after a change of inputs `restart`
-   does.
-4. A `Step` carries its error estimate [m], the largest over all nodes, and can be evaluated anywhere inside
-   (`at`), as accurately as at its end, so that sensors and commands do not shorten steps.
-5. `order` is the order of the error in h, `error_order` that of the estimate of one step's error; a test
-   measures
+1. An integrator is made for one model: `Method(model)`; it keeps nothing of the motion but what makes the next
+   step cheaper (factors), and that is part of `memory`, so a run can go on to the bit.
+2. `step(motion, inputs, h, tolerance)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion
+   stays whole.
+3. `motion.a` are the accelerations at the motion; `start` makes them, and after a change of inputs the run adds
+   the jump (`soften` says how much of it lasts).
+4. A `Step` carries its error estimate [m], the largest over all nodes, and can be evaluated anywhere inside (`at`),
+   as accurately as at its end, so that sensors and commands do not shorten steps.
+5. `order` is the order of the error in h, `error_order` that of the estimate of one step's error; a test measures
    the order of every entry of `INTEGRATORS`.
-6. `stability_limit(motion)` is the largest stable step [s], infinite for an L-stable method; a fixed step
-   above it
+6. `stability_limit(motion)` is the largest stable step [s], infinite for an L-stable method; a fixed step above it
    is refused.
 """
 

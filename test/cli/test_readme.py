@@ -88,6 +88,11 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(other), target
 
 
+def test_the_readme_leads_to_every_page():
+    targets = {target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", TEXT)}
+    assert {f"docs/{page.name}" for page in PAGES[1:]} <= targets
+
+
 def test_pictures_are_small():
     assert "](docs/images/surface.png)" in TEXT
     for path in (ROOT / "docs" / "images").iterdir():
