@@ -7,6 +7,7 @@ rows of the lattice that the compiler turns into vector instructions. Coefficien
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -175,6 +176,25 @@ class ArcBaseline:
         )
         self._load = force.value[2]
         self._scheme = (self.stages, known.mu, known.nu, known.mu_tilde, known.gamma_tilde, known.c)
+
+    def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
+        """Return node positions at times [m] with a further load that is set anew at a rate.
+
+        Args:
+            times: When [s], after whole steps.
+            rate: How often `push` is asked [Hz]; a command lasts whole steps.
+            push: Further vertical force on the loaded node at a time [s, N].
+        """
+        state = np.stack([self._rest, np.zeros_like(self._rest)])
+        course, done, held = [], 0, round(1.0 / (rate * self.h))
+        for time in times:
+            while done < round(time / self.h):
+                count = min(held - done % held, round(time / self.h) - done)
+                load = self._load + push(done // held / rate)
+                _run(state, *self._constants, load, self.h, done, count, *self._scheme)
+                done += count
+            course.append(state[0].reshape(3, -1).T.copy())
+        return np.array(course)
 
     def run(self, times: tuple[float, ...]) -> np.ndarray:
         """Return node positions at multiples of 0.5 s [m], shape (n_times, n_nodes, 3)."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time as wall_clock
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,39 +14,62 @@ from ldcs_ros.threads import one_thread
 
 # Absolute tolerance of rates against that of positions [1/s]; rates of 0.1 m/s belong to displacements of centimetres.
 RATE_WEIGHT = 10.0
+# Events closer than this are one [s].
+SAME_TIME = 1e-9
 
 
 def solve(
-    simulation: Any, method: str, accuracy: float, times: tuple[float, ...]
+    simulation: Any,
+    method: str,
+    accuracy: float,
+    times: tuple[float, ...],
+    *,
+    command: Callable[[int], float] | None = None,
+    budget: float = math.inf,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return node positions at times [m] and counts, by `solve_ivp` with the analytic sparse Jacobian.
 
-    The solver starts anew at each corner of the drives, as ours does. Schedules beyond t = 0 are not followed.
+    The solver starts anew at each corner of the drives and at each command, since it knows no other way. Of the
+    scene's own schedule only what acts at t = 0 is followed.
 
     Args:
-        simulation: A simulation at its start.
+        simulation: A simulation at its start; its inputs are used up.
         method: 'BDF' or 'Radau'.
         accuracy: Absolute tolerance of a position [m]; relative one 1e-3 of it per metre.
         times: When [s].
+        command: Gives command number k to the simulation's inputs and returns when the next one is due [s].
+        budget: CPU time that it may take [s].
 
     Raises:
-        RuntimeError: SciPy gives up.
+        RuntimeError: SciPy gives up, or the budget is spent.
     """
     from scipy.integrate import solve_ivp
 
-    model, held = simulation.model, simulation.inputs.held()
-    motion = simulation._motion()
+    model, motion = simulation.model, simulation._motion()
     n_nodes, n = model.lattice.n_nodes, len(model.free)
-    corners = sorted({*model.breakpoints, times[-1]} - {0.0})
     course: dict[float, np.ndarray] = {}
     counts = {"steps": 0, "evaluations": 0, "factorisations": 0}
     absolute = np.concatenate([np.full(n, accuracy), np.full(n, RATE_WEIGHT * accuracy)])
-    for corner in [time for time in corners if time <= times[-1]]:
-        system = FirstOrder(model, motion, held)
-        asked = [time for time in times if motion.time < time <= corner]
-        with one_thread():
+    began, due, count = wall_clock.thread_time(), 0.0 if command else math.inf, 0
+    with one_thread():
+        while motion.time < times[-1] - SAME_TIME:
+            if command is not None and due <= motion.time + SAME_TIME:
+                due, count = command(count), count + 1
+            while simulation.inputs.next_switch() <= motion.time + SAME_TIME:
+                simulation.inputs.switch()
+            ahead = (due, simulation.inputs.next_switch(), *model.breakpoints, times[-1])
+            corner = min(time for time in ahead if time > motion.time + SAME_TIME)
+            system = FirstOrder(model, motion, simulation.inputs.held())
+
+            def slope(time: float, y: np.ndarray, system: FirstOrder = system) -> np.ndarray:
+                spent = wall_clock.thread_time() - began
+                if spent > budget:
+                    raise RuntimeError(f"too slow: stopped after {spent:.0f} CPU s at t = {time:.2g} s")
+                return system.slope(time, y)
+
+            asked = [time for time in times if motion.time < time <= corner]
             solution = solve_ivp(
-                system.slope,
+                slope,
                 (motion.time, corner),
                 system.start,
                 method=method,
@@ -52,12 +78,13 @@ def solve(
                 atol=absolute,
                 t_eval=sorted({*asked, corner}),
             )
-        if solution.status != 0:
-            raise RuntimeError(f"SciPy's {method}: {solution.message}")
-        for time, y in zip(solution.t, solution.y.T, strict=True):
-            q, _ = system.place(time, y)
-            course[float(time)] = q[: 3 * n_nodes].reshape(-1, 3).copy()
-        motion = system.motion(corner, solution.y[:, -1])
-        counts["evaluations"] += system.evaluations
-        counts["factorisations"] += int(solution.nlu)
+            if solution.status != 0:
+                raise RuntimeError(f"SciPy's {method}: {solution.message}")
+            for time, y in zip(solution.t, solution.y.T, strict=True):
+                q, _ = system.place(time, y)
+                course[float(time)] = q[: 3 * n_nodes].reshape(-1, 3).copy()
+            motion = system.motion(corner, solution.y[:, -1])
+            simulation.time = corner
+            counts["evaluations"] += system.evaluations
+            counts["factorisations"] += int(solution.nlu)
     return np.array([course[time] for time in times]), counts

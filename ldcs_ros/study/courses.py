@@ -1,0 +1,147 @@
+"""Commands as a rig's controller sends them: a smooth course sampled at a rate and held, or followed without steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.physics.inputs import HeldInputs, Wrench
+from ldcs_ros.study.problems import content_of
+
+PERIOD = 2.0  # s: from nothing to everything and back
+PUSHED_NODE = "node_top_8_4_aligned"
+# Problem -> (shipped scene, what is commanded, its largest value [Pa, N m or N]).
+DRIVEN = {
+    "rig": ("rig", "pressure", 140.0e3),
+    "paper": ("paper", "torque", 0.1392),
+    "arc_pushed": ("arc", "wrench", -0.39),
+}
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is commanded over time, (1 - cos(2 pi t / PERIOD)) / 2 of the most.
+
+    Attributes:
+        kind: 'pressure', 'torque' or 'wrench'.
+        most: Largest value [Pa, N m or N].
+    """
+
+    kind: str
+    most: float
+
+    def at(self, time: float) -> float:
+        """Return the value at a time [s]; 0 before the start."""
+        return 0.5 * self.most * (1.0 - math.cos(2.0 * math.pi * max(time, 0.0) / PERIOD))
+
+    def send(self, inputs: Any, value: float) -> None:
+        """Command a value."""
+        if self.kind == "pressure":
+            inputs.set_pressure(value)
+        elif self.kind == "torque":
+            inputs.set_torque(value)
+        else:
+            inputs.set_wrench(PUSHED_NODE, force=(0.0, 0.0, value))
+
+
+def problem(name: str) -> tuple[dict[str, Any], Course]:
+    """Return the content of a driven problem's scene, whose own commands are left out, and its course."""
+    shipped, kind, most = DRIVEN[name]
+    content = {**content_of(shipped), "inputs": []}
+    if kind == "wrench":
+        content["effects"] = [*content["effects"], {"type": "wrench"}]
+    return content, Course(kind, most)
+
+
+def sampled(simulation: Any, course: Course, rate: float, times: tuple[float, ...]) -> np.ndarray:
+    """Advance through times [s] with a command every 1 / rate; return all node positions there [m], shape (n_times,
+    n_nodes, 3)."""
+    positions, count = [], 0
+    for time in times:
+        while count / rate < time - 1e-9:
+            simulation.advance_to(count / rate)
+            course.send(simulation.inputs, course.at(count / rate))
+            count += 1
+        simulation.advance_to(time)
+        positions.append(simulation.state.position)
+    return np.array(positions)
+
+
+def follow(simulation: Any, course: Course) -> None:
+    """Let a simulation's drive follow the course itself, which no command can ask for: the smooth case.
+
+    On this simulation's one term only: model, Jacobian and solver are those of every other run.
+    """
+    if course.kind == "wrench":
+        pushed = simulation.model.wrench
+
+        def add_force(time: float, q: Any, u: Any, inputs: HeldInputs, force: np.ndarray) -> None:
+            now = {PUSHED_NODE: Wrench(force=(0.0, 0.0, course.at(time)))}
+            type(pushed).add_force(pushed, time, q, u, HeldInputs(wrenches=now), force)
+
+        pushed.add_force = add_force
+        return
+    term = simulation.model.arms
+    arms, shape = term.arms, (2, term.n_links)
+    if course.kind == "pressure":
+        chamber = Chamber(course, arms.fill_time, arms.vent_time, arms.dead_time)
+        term.drive_torque = lambda time, inputs: np.full(shape, arms.pressure_gain * chamber.at(time))
+    else:
+        term.drive_torque = lambda time, inputs: np.full(shape, course.at(time))
+
+
+class Chamber:
+    """The pressure of a chamber whose valve follows a course: p' = (course - p) / tau, solved exactly.
+
+    Args:
+        course: What the valve is asked for.
+        fill_time: tau while the pressure rises [s].
+        vent_time: tau while it falls [s].
+        dead_time: How much later the valve answers [s].
+    """
+
+    def __init__(self, course: Course, fill_time: float, vent_time: float, dead_time: float) -> None:
+        self._rate, self._half, self._delay = 2.0 * math.pi / PERIOD, 0.5 * course.most, dead_time
+        self._course = course
+        self._parts: list[tuple[float, float, float]] = [(0.0, fill_time, self._rest(0.0, 0.0, fill_time))]
+        # The pressure turns where it meets the course: first within half a period, then within each other half.
+        for k in range(1, 8):
+            began, tau, _ = self._parts[-1]
+            turn = self._meeting(max(began + 1e-6, 0.5 * k * PERIOD), 0.5 * (k + 1) * PERIOD)
+            after = vent_time if tau == fill_time and k % 2 == 1 else fill_time
+            self._parts.append((turn, after, self._rest(turn, self._pressure(turn), after)))
+
+    def at(self, time: float) -> float:
+        """Return the gauge pressure at a time [s, Pa]."""
+        return self._pressure(max(time - self._delay, 0.0))
+
+    def _driven(self, time: float, tau: float) -> float:
+        w = self._rate
+        return self._half * (
+            1.0 - (math.cos(w * time) + w * tau * math.sin(w * time)) / (1.0 + (w * tau) ** 2)
+        )
+
+    def _rest(self, time: float, pressure: float, tau: float) -> float:
+        return pressure - self._driven(time, tau)
+
+    def _pressure(self, time: float) -> float:
+        began, tau, rest = self._parts[0]
+        for part in self._parts:
+            if part[0] > time:
+                break
+            began, tau, rest = part
+        return self._driven(time, tau) + rest * math.exp(-(time - began) / tau)
+
+    def _meeting(self, low: float, high: float) -> float:
+        # Past a turn of the course the pressure lags behind it until they meet.
+        sign = self._course.at(low) > self._pressure(low)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if (self._course.at(middle) > self._pressure(middle)) == sign:
+                low = middle
+            else:
+                high = middle
+        return high
