@@ -5,20 +5,26 @@ from __future__ import annotations
 import argparse
 import json
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import CommandLineError
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 
+if TYPE_CHECKING:
+    from ldcs_ros.study.targets import Target
+
 DESCRIPTION = """\
 Measure what accuracy costs in time on this machine: every method with several accuracies and fixed steps, on several
 scenes and lattices, beside a compiled RKC2 baseline and SciPy's BDF. Also measured: whether the error that was asked
-for is kept on every shipped scene, what each effect costs, and how far the lattice itself is off.
+for is kept on every shipped scene, what each effect costs, what commands at a rate and larger lattices cost, and how
+far the lattice itself is off.
 Writes study.csv, work_precision.png and study.md. Rows that are in study.csv already are not measured again, so an
 interrupted study goes on where it stopped."""
 EXAMPLE = """\
 ldcs study
+  ldcs study --targets
   ldcs study --full -o out/full
   ldcs study --full --jobs 8 -o out/full
   ldcs study --full --scheduler tcp://cluster:8786 -o out/full
@@ -35,7 +41,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--quick", dest="preset", action="store_const", const="quick", help="under two minutes (default)"
     )
     preset.add_argument(
-        "--full", dest="preset", action="store_const", const="full", help="everything: an hour or more"
+        "--targets",
+        dest="preset",
+        action="store_const",
+        const="targets",
+        help="what this project set out to reach: asked, reached, kept or missed; some minutes",
+    )
+    preset.add_argument(
+        "--full",
+        dest="preset",
+        action="store_const",
+        const="full",
+        help="everything: half an hour on two cores",
     )
     preset.add_argument(
         "--hard",
@@ -69,8 +86,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, write the files, print the recommendation; status 0, or 1 if the promised accuracy is not
-    kept."""
+    """Measure, write the files, print targets or the recommendation; status 0, or 1 if the promised accuracy (with
+    --targets: any target) is not kept."""
     from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.diagram import draw
     from ldcs_ros.study.execute import carry_out
@@ -78,6 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.recommendation import recommendation
     from ldcs_ros.study.report import promise_is_kept, report
     from ldcs_ros.study.table import Table
+    from ldcs_ros.study.targets import targets
     from ldcs_ros.study.tasks import key_of
     from ldcs_ros.study.timing import machine
 
@@ -91,22 +109,25 @@ def run(arguments: argparse.Namespace) -> int:
     table, tasks = Table(path), PRESETS[arguments.preset]()
     had = {key_of(row) for row in table.rows}
     with (
-        Progress(len(tasks), label="study", unit="", quiet=arguments.json) as progress,
+        Progress(
+            sum(task.weight for task in tasks), label="study", unit="", quiet=arguments.json
+        ) as progress,
         _place(arguments) as submit,
     ):
-        carry_out(tasks, table, submit, on_done=progress.show)
+        carry_out(tasks, table, submit, on_done=progress.show, on_begin=progress.say)
     draw(table.rows, folder / "work_precision.png")
     command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
     text = report(table.rows, machine=here, command=command, picture="work_precision.png")
     (folder / "study.md").write_text(text, encoding="utf-8")
     failures = [row for row in table.rows if row.failure]
-    kept = promise_is_kept(table.rows)
+    kept, aims = promise_is_kept(table.rows), targets(table.rows)
     summary: dict[str, Any] = {
         "preset": arguments.preset,
         "rows": len(table.rows),
         "rows_from_before": len(had),
         "without_result": len(failures),
         "accuracy_kept": kept,
+        "targets": [{**asdict(aim), "verdict": aim.verdict} for aim in aims],
         "recommendation": recommendation(table.rows),
         "machine": here,
         "table": str(path),
@@ -124,8 +145,21 @@ def run(arguments: argparse.Namespace) -> int:
                 ("written", f"{summary['report']}, {summary['diagram']}, {summary['table']}"),
             ]
         )
-        print(f"\n{summary['recommendation']}")
-    return 0 if kept else EXIT_NOT_KEPT
+        if arguments.preset == "targets":
+            _print_targets(aims)
+        else:
+            print(f"\n{summary['recommendation']}")
+    missed = arguments.preset == "targets" and any(aim.kept is False for aim in aims)
+    return 0 if kept and not missed else EXIT_NOT_KEPT
+
+
+def _print_targets(aims: list[Target]) -> None:
+    print()
+    for aim in aims:
+        print(f"{aim.verdict:<6}  {aim.name}: {aim.asked}".replace("`", ""))
+        print(f"        {aim.reached}".replace("`", ""))
+        if aim.beside:
+            print(f"        {aim.beside}")
 
 
 def _place(arguments: argparse.Namespace) -> AbstractContextManager[Any]:

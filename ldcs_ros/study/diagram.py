@@ -17,7 +17,10 @@ from ldcs_ros.plotting.style import (
     new_figure,
     save_png,
 )
+from ldcs_ros.study.command_rates import SMOOTH, against_smooth
+from ldcs_ros.study.growth import measured, peak_memory
 from ldcs_ros.study.spatial import against_finest
+from ldcs_ros.study.targets import MOST_EXPONENT
 from ldcs_ros.study.tasks import BASELINE, Row
 
 # The default method and the two to compare with stand out; the others share the palette in a fixed order.
@@ -38,6 +41,8 @@ TITLES = {"arc_axiswise": "arc, law axiswise"}
 ERROR_LIMITS = (3e-3, 1e-10)  # m, the exact ones to the right
 FAILURE_PLACE = 1.8e-3  # m: failures stand in a gutter at the left
 COLUMNS = 3
+RATE_COLOURS = (LINE_COLOURS[0], LINE_COLOURS[1], LINE_COLOURS[2])
+LEAST_RATE = 3.0  # Hz: where the smooth case stands
 
 
 def draw(rows: list[Row], path: Path) -> Path:
@@ -45,14 +50,20 @@ def draw(rows: list[Row], path: Path) -> Path:
     curves = [row for row in rows if row.kind == "curve"]
     problems = sorted({(row.scene, row.nodes) for row in curves}, key=lambda p: (p[0] != "arc", p[0], p[1]))
     spatial = against_finest(rows)
-    panels = len(problems) + bool(spatial)
+    growing, rates = len(measured(rows)) > 1, against_smooth(rows)
+    panels = len(problems) + bool(spatial) + growing + bool(rates)
     lines = math.ceil(panels / COLUMNS)
     figure = new_figure(13.0, 0.9 + 3.9 * lines + 0.9, dpi=110)
     grid = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
     for axes, (scene, nodes) in zip(grid, problems, strict=False):
         _panel(axes, scene, nodes, [row for row in curves if (row.scene, row.nodes) == (scene, nodes)])
+    extra = iter(grid[len(problems) :])
     if spatial:
-        _lattice_panel(grid[len(problems)], spatial)
+        _lattice_panel(next(extra), spatial)
+    if growing:
+        _growth_panel(next(extra), measured(rows))
+    if rates:
+        _rates_panel(next(extra), rates, rows)
     for axes in grid[panels:]:
         axes.set_axis_off()
     height = figure.get_figheight()
@@ -139,6 +150,55 @@ def _lattice_panel(axes: Any, errors: dict[int, float]) -> None:
         ha="right",
         va="center",
     )
+
+
+def _growth_panel(axes: Any, rows: list[Row]) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    title = f"{rows[0].scene}: cost by size at {rows[0].value:.0e} m"
+    dress(axes, x_label="nodes along a side", y_label="CPU s per simulated s", title=title)
+    sides, costs = [row.nodes for row in rows], [row.cpu for row in rows]
+    for power, style in ((1.0, ":"), (MOST_EXPONENT, "--"), (2.0, ":")):
+        guide = [costs[0] * (n / sides[0]) ** (2.0 * power) for n in sides]
+        axes.plot(sides, guide, color=SOFT_INK, linewidth=0.9, linestyle=style, zorder=1)
+        place, text = (sides[-1], guide[-1]), f"nodes^{power:g}"
+        axes.annotate(text, place, (4, -3), textcoords="offset points", fontsize=7.5, color=SOFT_INK)
+    axes.plot(sides, costs, color=LINE_COLOURS[0], marker="o", linewidth=2.2, zorder=3)
+    for row in rows:
+        place, text = (row.nodes, row.cpu), f"{peak_memory(row):.0f} MiB"
+        axes.annotate(text, place, (8, -6), textcoords="offset points", fontsize=8, color=INK)
+    axes.set_xlim(sides[0] / 1.3, sides[-1] * 2.2)
+    axes.set_xticks(sides, [str(n) for n in sides])
+    axes.minorticks_off()
+    axes.axhline(1.0, color=SOFT_INK, linewidth=0.9, linestyle="--", zorder=1)
+
+
+def _rates_panel(axes: Any, rates: dict[str, dict[float, tuple[float, Row]]], rows: list[Row]) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    dress(
+        axes,
+        x_label="commands a second (left: smooth)",
+        y_label="CPU s per simulated s",
+        title="commands at a rate",
+    )
+    known = sorted({rate for by_rate in rates.values() for rate in by_rate})
+    places = {rate: max(rate, LEAST_RATE) for rate in known}
+    for colour, (scene, by_rate) in zip(RATE_COLOURS, rates.items(), strict=False):
+        costs = [row.cpu for _, row in by_rate.values()]
+        axes.plot(
+            [places[rate] for rate in by_rate], costs, color=colour, marker="o", linewidth=2.0, label=scene
+        )
+    loop = sorted(
+        (row.value, row.cpu) for row in rows if row.kind == "rate" and row.method == BASELINE and row.cpu > 0
+    )
+    if loop:
+        label = "arc_pushed, compiled RKC2"
+        axes.plot(*zip(*loop, strict=True), color=COLOURS[BASELINE], marker="s", linewidth=1.4, label=label)
+    axes.set_xticks(list(places.values()), ["smooth" if rate == SMOOTH else f"{rate:g}" for rate in places])
+    axes.minorticks_off()
+    axes.axhline(1.0, color=SOFT_INK, linewidth=0.9, linestyle="--", zorder=1)
+    axes.legend(frameon=False, fontsize=8, loc="upper left")
 
 
 def _legend(figure: Any, methods: set[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from importlib import import_module
@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.study.table import StudyError, Table
-from ldcs_ros.study.tasks import Task, key_of, perform, reference
+from ldcs_ros.study.tasks import Row, Task, key_of, perform, reference
 
 # A call to carry out: (what to call, its arguments) -> iterator of (index, result) as they end.
-Submit = Callable[[Callable[..., Any], list[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
+Submit = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
+# Kinds of tasks that give several rows each.
+MANY_ROWS = ("promise", "effect", "rate")
 
 
 def in_this_process(
-    function: Callable[..., Any], arguments: list[tuple[Any, ...]]
+    function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
     """Call one after another: times are side by side, nothing else competes."""
     for index, given in enumerate(arguments):
@@ -34,7 +36,7 @@ def processes(count: int) -> Iterator[Submit]:
     with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
 
         def submit(
-            function: Callable[..., Any], arguments: list[tuple[Any, ...]]
+            function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
         ) -> Iterator[tuple[int, Any]]:
             pending = {pool.submit(function, *given): index for index, given in enumerate(arguments)}
             for future in as_completed(pending):
@@ -74,7 +76,7 @@ def cluster(address: str) -> Iterator[Submit]:
     with client:
 
         def submit(
-            function: Callable[..., Any], arguments: list[tuple[Any, ...]]
+            function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
         ) -> Iterator[tuple[int, Any]]:
             pending = {
                 client.submit(function, *given, pure=False): index for index, given in enumerate(arguments)
@@ -85,33 +87,64 @@ def cluster(address: str) -> Iterator[Submit]:
         yield submit
 
 
-def carry_out(tasks: list[Task], table: Table, submit: Submit, *, on_done: Callable[[int], None]) -> None:
+def carry_out(
+    tasks: list[Task],
+    table: Table,
+    submit: Submit,
+    *,
+    on_done: Callable[[float], None],
+    on_begin: Callable[[str], None] | None = None,
+) -> None:
     """Carry out the tasks that the table has no row of yet; rows are on disk as soon as they are made.
 
     Args:
         tasks: What to measure.
         table: Where rows go.
         submit: How calls are made.
-        on_done: Called with the number of tasks and references done so far.
+        on_done: Called with the sum of the weights of the tasks done so far.
+        on_begin: Called with a few words when a task of this process begins.
     """
     have = {key_of(row) for row in table.rows}
-    groups = {(row.kind, row.scene) for row in table.rows}
-    left = [task for task in tasks if not _is_done(task, have, groups)]
-    problems = sorted({task.problem for task in left if task.problem is not None})
-    done = len(tasks) - len(left)
+    groups = {_group(row) for row in table.rows}
+    left = [
+        task for task in tasks if not (_group(task) in groups if task.kind in MANY_ROWS else task.key in have)
+    ]
+    done = sum(task.weight for task in tasks) - sum(task.weight for task in left)
     on_done(done)
-    known: dict[tuple[str, int], np.ndarray] = {}
-    for index, course in submit(reference, list(problems)):
-        known[problems[index]] = course
-    calls = [(task, known.get(task.problem) if task.problem else None) for task in left]
-    for _, rows in submit(perform, calls):
+    if submit is in_this_process:
+        # A problem's tasks one after the other: what an interruption loses is one reference at most.
+        first: dict[object, int] = {}
+        for place, task in enumerate(left):
+            first.setdefault(task.problem or task.key, place)
+        left.sort(key=lambda task: first[task.problem or task.key])
+    else:
+        # The long ones first: nobody waits for one process at the end.
+        left.sort(key=lambda task: -task.weight)
+    for index, rows in submit(perform, _calls(left, submit, on_begin or (lambda words: None))):
         table.add(rows)
-        done += 1
+        done += left[index].weight
         on_done(done)
 
 
-def _is_done(task: Task, have: set[Any], groups: set[tuple[str, str]]) -> bool:
-    # A promise or effect task gives many rows with other settings than its own.
-    if task.kind in ("promise", "effect"):
-        return (task.kind, task.scene) in groups
-    return task.key in have
+def _calls(
+    left: list[Task], submit: Submit, on_begin: Callable[[str], None]
+) -> Iterator[tuple[Task, np.ndarray | None]]:
+    """Give each task with its reference, which is made here when it is needed, or elsewhere before all of them."""
+    known: dict[tuple[str, int], np.ndarray] = {}
+    if submit is not in_this_process:
+        wanted = {task.problem for task in left if task.problem is not None}
+        problems = sorted(wanted, key=lambda problem: -problem[1])
+        for index, course in submit(reference, list(problems)):
+            known[problems[index]] = course
+    for task in left:
+        if task.problem is not None and task.problem not in known:
+            on_begin(f"reference of {task.scene} {task.nodes} x {task.nodes}")
+            known[task.problem] = reference(*task.problem)
+        on_begin(f"{task.method} on {task.scene} {task.nodes} x {task.nodes}" if task.nodes else task.scene)
+        yield task, known[task.problem] if task.problem is not None else None
+
+
+def _group(measured: Task | Row) -> tuple[str, str, str]:
+    # A task of many rows is known by what it asks; the settings of a promise or an effect are its rows' own.
+    value = f"{measured.value:.6g}" if measured.kind == "rate" else ""
+    return measured.kind, measured.scene, value

@@ -1,28 +1,38 @@
-"""What a study measures: the quick preset and the full one, as lists of tasks."""
+"""What a study measures: the presets quick, targets and full, as lists of tasks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from ldcs_ros.scene import shipped_scenes
+from ldcs_ros.study.command_rates import SMOOTH
+from ldcs_ros.study.courses import DRIVEN
 from ldcs_ros.study.tasks import BASELINE, Task
 
 IMPLICIT = ("esdirk43", "trbdf2", "rosenbrock_w", "linearly_implicit_euler")
 ADAPTIVE = (*IMPLICIT, "rkc2")
 # Steps of the compiled baseline: whole fractions of 0.5 s.
 BASELINE_STEPS = (0.1, 0.05, 0.02, 0.01, 0.005)
+# Steps at which the methods show their order on the stiff sheet.
+ORDER_STEPS = {
+    "esdirk43": (0.2, 0.1, 0.05, 0.02),
+    "trbdf2": (0.02, 0.01, 0.005),
+    "rosenbrock_w": (0.01, 0.005, 0.0025),
+    "linearly_implicit_euler": (0.02, 0.01),
+    "rkc2": (0.02, 0.01, 0.005),
+}
 
 
 def quick() -> list[Task]:
-    """Return the preset that ends within two minutes: 9 x 9 in full, one accuracy sweep at 17 x 17 and 33 x
-    33."""
+    """Return the preset that ends within two minutes: 9 x 9 in full, less of 17 x 17 and 33 x 33, no SciPy there."""
     return [
         *_sweep("arc", 9, ("esdirk43", "trbdf2"), (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
         *_sweep("arc", 9, ("rkc2",), (1e-3, 1e-4, 1e-5, 1e-6), runs=2),
         *_sweep("arc", 9, ("rosenbrock_w",), (1e-3, 1e-4, 1e-5, 1e-6), runs=2),
         *_sweep("arc", 9, ("linearly_implicit_euler",), (1e-3, 1e-4), runs=1),
-        *_fixed("arc", 9, {"rk4": (3.5e-5,), "semi_implicit_euler": (2.5e-5,)}, runs=1),
-        *_fixed("arc", 9, {"rk4": (1e-4,), "esdirk43": (0.02, 0.005), "trbdf2": (0.005, 0.002)}, runs=1),
+        *_fixed("arc", 9, {"rk4": (3.5e-5,), "semi_implicit_euler": (2.5e-5,)}, runs=1, weight=5.0),
+        *_fixed("arc", 9, {"rk4": (1e-4,), **ORDER_STEPS}, runs=1, weight=0.2),
         *_baseline(9),
         *_sweep("arc", 9, ("scipy_BDF",), (1e-3, 1e-4, 1e-5, 1e-6), runs=2),
         *_sweep("arc", 9, ("scipy_Radau",), (1e-3, 1e-4), runs=1),
@@ -39,41 +49,82 @@ def quick() -> list[Task]:
         *_baseline(33, (0.05, 0.02)),
         *_promises(),
         Task("check", "arc", 9, "radau", "accuracy", 1e-7, 1),
-        Task("effect", "rig", 9, "esdirk43", "leave out", 0.0),
+        Task("effect", "rig", 9, "esdirk43", "leave out", 0.0, weight=4.0),
         *_spatial((5, 9, 17, 33)),
+        *_growth((17, 33)),
+        *_rates((SMOOTH, 100.0), ("arc_pushed",)),
+        *_bounds((("arc", 9, 1e-5), ("arc", 17, 1e-5), ("rig", 9, 1e-5), ("hanging_sheet", 9, 1e-5))),
+    ]
+
+
+def targets() -> list[Task]:
+    """Return what the table of targets needs, ours beside the others in one process: some minutes."""
+    return [
+        *_sweep("arc", 9, ("esdirk43", "trbdf2"), (1e-4, 1e-5, 1e-6)),
+        *_baseline(9),
+        *_sweep("arc", 9, ("scipy_BDF",), (1e-5, 1e-6, 1e-7), runs=2),
+        *_sweep("paper", 9, ("esdirk43", "trbdf2"), (1e-4, 1e-5, 1e-6)),
+        *_sweep("paper", 9, ("scipy_BDF",), (1e-5, 1e-6, 1e-7), runs=1),
+        *_sweep("arc", 33, ("esdirk43",), (1e-4, 2e-5), runs=3),
+        *_baseline(33, (0.02, 0.01), weight=4.0),
+        *_sweep("arc", 33, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
+        *_sweep("arc", 65, ("esdirk43",), (1e-4, 2e-5), runs=1, budget=300.0, weight=8.0),
+        *_baseline(65, (0.02, 0.01), weight=40.0),
+        *_sweep("arc", 65, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
+        *_growth((17, 33, 65, 129)),
+        *_rates((SMOOTH, 100.0, 1000.0)),
+        *_promises(),
     ]
 
 
 def full() -> list[Task]:
-    """Return the preset for an hour or a cluster: all methods, fixed and adaptive steps, 9 x 9 to 129 x 129."""
+    """Return the preset for half an hour on two cores: the targets, all methods, fixed and adaptive steps, 9 x 9 to
+    129 x 129."""
     fine = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
-    steps = {
-        **{name: (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001) for name in ADAPTIVE},
-        "rk4": (3.8e-5, 1.9e-5),
-        "semi_implicit_euler": (2.7e-5, 1.35e-5),
-    }
-    tasks: list[Task] = []
+    tasks = targets()
     for scene in ("arc", "paper", "rig", "hanging_sheet"):
-        for nodes in (9, 17):
-            tasks += _sweep(scene, nodes, ADAPTIVE, fine)
-            tasks += _sweep(scene, nodes, ("rk4", "semi_implicit_euler"), (1e-4, 1e-5), runs=1, budget=300.0)
-    tasks += _fixed("arc", 9, steps)
-    tasks += _sweep("arc_axiswise", 9, ("exponential", *ADAPTIVE), fine)
-    tasks += _sweep("arc_axiswise", 17, ("exponential", *ADAPTIVE), fine)
-    for nodes in (9, 17, 33):
-        tasks += _sweep("arc", nodes, ("scipy_BDF",), (1e-3, 1e-4, 1e-5, 1e-6), runs=1)
-        tasks += _baseline(nodes)
-    tasks += _sweep("arc", 9, ("scipy_Radau",), (1e-3, 1e-4, 1e-5, 1e-6), runs=1)
-    for nodes in (33, 65):
-        tasks += _sweep(
-            "arc", nodes, ("esdirk43", "trbdf2", "rkc2"), (1e-3, 1e-4, 2e-5, 1e-6), runs=1, budget=600.0
-        )
-    tasks += _baseline(65, (0.05, 0.02))
-    tasks += _sweep("arc", 33, ("rosenbrock_w", "rk4", "semi_implicit_euler"), (1e-4,), runs=1, budget=600.0)
-    tasks += _promises()
-    tasks += [Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, 3600.0) for scene in ("arc", "paper")]
-    tasks += [Task("effect", scene, 9, "esdirk43", "leave out", 0.0) for scene in ("rig", "paper", "arc")]
-    return tasks + _spatial((5, 9, 17, 33, 65, 129))
+        tasks += _sweep(scene, 9, ADAPTIVE, fine, budget=20.0)
+        tasks += _sweep(scene, 9, ("rk4", "semi_implicit_euler"), (1e-4,), runs=1, budget=20.0, weight=10.0)
+    for scene in ("arc", "paper"):
+        tasks += _sweep(scene, 17, ADAPTIVE, fine[:-1], runs=2, weight=2.0)
+    tasks += _sweep("arc", 17, ("rk4", "semi_implicit_euler"), (1e-4,), runs=1, weight=10.0)
+    tasks += _fixed("arc", 9, {name: (0.1, 0.05, 0.02, 0.01, 0.005, 0.002) for name in ADAPTIVE}, runs=2)
+    tasks += _fixed(
+        "arc", 9, {**ORDER_STEPS, "rk4": (1e-4, 3.5e-5), "semi_implicit_euler": (2.5e-5,)}, runs=1
+    )
+    for nodes in (9, 17):
+        tasks += _sweep("arc_axiswise", nodes, ("exponential", *ADAPTIVE), fine, runs=2)
+        tasks += _sweep("arc", nodes, ("scipy_BDF",), (1e-3, 1e-4, 1e-5, 1e-6), runs=1, weight=nodes / 2)
+    tasks += _sweep("arc", 9, ("scipy_Radau",), (1e-3, 1e-4, 1e-5), runs=1)
+    tasks += _baseline(17)
+    tasks += _baseline(33, (0.05,), weight=3.0)
+    tasks += _sweep("arc", 33, ("esdirk43", "trbdf2", "rkc2"), (*fine[:-2], 2e-5, 1e-6), runs=1, weight=2.0)
+    tasks += _sweep("arc", 33, ("rosenbrock_w",), (1e-4,), runs=1, weight=5.0)
+    tasks += _sweep("arc", 65, ("esdirk43", "trbdf2"), (1e-3, 1e-5, 1e-6), runs=1, budget=200.0, weight=10.0)
+    tasks += _sweep("arc", 65, ("rkc2",), (1e-4,), runs=1, budget=120.0, weight=60.0)
+    tasks += _baseline(65, (0.05,), weight=20.0)
+    tasks += _sweep("arc", 129, ("esdirk43",), (1e-3, 1e-4, 2e-5), runs=1, budget=400.0, weight=60.0)
+    tasks += _baseline(129, (0.02,), weight=60.0)
+    tasks += [
+        Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, 3600.0, 20.0) for scene in ("arc", "paper")
+    ]
+    tasks += [
+        Task("effect", scene, 9, "esdirk43", "leave out", 0.0, weight=4.0)
+        for scene in ("rig", "paper", "arc")
+    ]
+    tasks += _spatial((5, 9, 17, 33, 65))
+    tasks += _rates((10.0, 50.0, 200.0, 500.0))
+    tasks += _bounds(
+        (scene, 9, error)
+        for scene in ("arc", "rig", "paper", "hanging_sheet")
+        for error in (1e-4, 1e-5, 1e-6)
+    )
+    tasks += _bounds((("arc", 17, 1e-5), ("hanging_sheet", 17, 1e-5), ("arc", 33, 2e-5), ("arc", 65, 2e-5)))
+    # What the targets ask twice, and in their order, is measured once.
+    once: dict[Any, Task] = {}
+    for task in tasks:
+        once.setdefault(task.key, task)
+    return list(once.values())
 
 
 def _sweep(
@@ -84,27 +135,50 @@ def _sweep(
     *,
     runs: int = 3,
     budget: float = 30.0,
+    weight: float = 1.0,
 ) -> list[Task]:
     values = tuple(accuracies)
     return [
-        Task("curve", scene, nodes, name, "accuracy", a, runs, budget) for name in methods for a in values
+        Task("curve", scene, nodes, name, "accuracy", a, runs, budget, weight)
+        for name in methods
+        for a in values
     ]
 
 
-def _fixed(scene: str, nodes: int, steps: dict[str, tuple[float, ...]], *, runs: int = 3) -> list[Task]:
-    return [Task("curve", scene, nodes, name, "dt", h, runs) for name, many in steps.items() for h in many]
+def _fixed(
+    scene: str, nodes: int, steps: dict[str, tuple[float, ...]], *, runs: int = 3, weight: float = 0.5
+) -> list[Task]:
+    made = [(name, h) for name, many in steps.items() for h in many]
+    return [Task("curve", scene, nodes, name, "dt", h, runs, weight=weight) for name, h in made]
 
 
-def _baseline(nodes: int, steps: tuple[float, ...] = BASELINE_STEPS) -> list[Task]:
-    return [Task("curve", "arc", nodes, BASELINE, "dt", h) for h in steps]
+def _baseline(nodes: int, steps: tuple[float, ...] = BASELINE_STEPS, *, weight: float = 0.5) -> list[Task]:
+    return [Task("curve", "arc", nodes, BASELINE, "dt", h, weight=weight) for h in steps]
 
 
 def _promises() -> list[Task]:
-    return [Task("promise", name, 0, "auto", "accuracy", 0.0) for name in shipped_scenes()]
+    return [Task("promise", name, 0, "auto", "accuracy", 0.0, weight=3.0) for name in shipped_scenes()]
 
 
 def _spatial(sizes: tuple[int, ...]) -> list[Task]:
-    return [Task("spatial", "arc_material", nodes, "esdirk43", "accuracy", 1e-6) for nodes in sizes]
+    # The error in time is nothing beside the lattice's own, some 1e-4 m.
+    return [
+        Task("spatial", "arc_material", n, "esdirk43", "accuracy", 1e-6, weight=n * n / 300) for n in sizes
+    ]
 
 
-PRESETS = {"quick": quick, "full": full}
+def _growth(sizes: tuple[int, ...]) -> list[Task]:
+    return [
+        Task("growth", "arc_material", n, "esdirk43", "accuracy", 1e-5, weight=2 + n * n / 300) for n in sizes
+    ]
+
+
+def _rates(rates: Iterable[float], scenes: Iterable[str] = tuple(DRIVEN)) -> list[Task]:
+    return [Task("rate", scene, 9, "all", "rate", rate, weight=12.0) for rate in rates for scene in scenes]
+
+
+def _bounds(problems: Iterable[tuple[str, int, float]]) -> list[Task]:
+    return [Task("bound", scene, nodes, "rock4_bound", "accuracy", error) for scene, nodes, error in problems]
+
+
+PRESETS = {"quick": quick, "targets": targets, "full": full}

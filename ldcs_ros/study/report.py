@@ -3,50 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from ldcs_ros.integrators import INTEGRATORS
+from ldcs_ros.study import sections
 from ldcs_ros.study.diagram import short_reason
+from ldcs_ros.study.markdown import table
 from ldcs_ros.study.problems import ERROR_TIMES
 from ldcs_ros.study.promise import ACCURACIES
-from ldcs_ros.study.recommendation import DEFAULT, RIVALS, TARGETS, cheapest, curves, gain, recommendation
+from ldcs_ros.study.recommendation import DEFAULT, TARGETS, cheapest, curves, recommendation
 from ldcs_ros.study.spatial import against_finest
+from ldcs_ros.study.targets import PROMISED_FACTOR, PROMISED_SHARE, promised
 from ldcs_ros.study.tasks import BASELINE, METHODS_APART, Row
-
-# What this project set out to reach: (scene, nodes, error [m]) -> times real time.
-GOALS = {
-    ("arc", 9, 1e-5): 100.0,
-    ("paper", 9, 1e-5): 60.0,
-    ("arc", 9, 1e-6): 50.0,
-    ("arc", 33, 2e-5): 8.0,
-    ("arc", 65, 2e-5): 1.0,
-}
-PROMISED_SHARE, PROMISED_FACTOR = 0.95, 3.0
-
-
-def _goals(rows: Sequence[Row]) -> str:
-    lines = []
-    for (scene, nodes, target), goal in GOALS.items():
-        methods = curves(rows).get((scene, nodes), {})
-        own = [row for name, made in methods.items() if name not in METHODS_APART for row in made]
-        row = cheapest(own, target)
-        if row is None:
-            continue
-        ratios = [gain(methods.get(name, []), row, target) for name in RIVALS]
-        reached = 1.0 / row.cpu
-        lines.append(
-            (
-                f"`{scene}` {nodes} x {nodes}",
-                f"{target:.0e} m",
-                f"`{row.method}`",
-                f"{reached:.3g}",
-                f"{goal:g}, "
-                f"{'reached' if reached >= goal else f'**missed by {100 * (1 - reached / goal):.0f} %**'}",
-                *("-" if ratio is None else f"{ratio:.1f}" for ratio in ratios),
-            )
-        )
-    head = ("problem", "real error at most", "cheapest method", "times real time", "goal")
-    return _table((*head, *(f"times as fast as {label}" for label in RIVALS.values())), lines)
 
 
 def report(rows: Sequence[Row], *, machine: dict[str, str], command: str, picture: str) -> str:
@@ -58,19 +26,19 @@ def report(rows: Sequence[Row], *, machine: dict[str, str], command: str, pictur
         command: What made it.
         picture: Path of the diagram, relative to the text.
     """
-    sections = [
+    parts = [
         "# What accuracy costs in time",
         f"Made by `{command}`, with everything in one process on one thread side by side unless it says "
         f"`--jobs`; the numbers "
         f"are in `study.csv`. CPU time is the best of several runs, so ratios mean more than times. The error "
         f"is the largest "
         f"distance of any node coordinate from a reference (`esdirk43` at 1e-9 m) at t = 0.5, 1, 2 and 3 s.",
-        _table(("", ""), [(name, value) for name, value in machine.items()]),
+        table(("", ""), [(name, value) for name, value in machine.items()]),
         "## Recommendation",
         recommendation(rows),
         f"![CPU time against error for each method, scene and lattice]({picture})",
-        "## Goals",
-        _goals(rows),
+        "## Targets",
+        *sections.target_table(rows),
         "## Time to reach an error",
         "CPU milliseconds per simulated second of the cheapest setting whose real error is at most this; "
         "`-`: none tried is.",
@@ -82,21 +50,27 @@ def report(rows: Sequence[Row], *, machine: dict[str, str], command: str, pictur
         *_promise(rows),
         "## What effects cost",
         *_effects(rows),
+        "## Large lattices",
+        *sections.large_lattices(rows),
+        "## Commands at a rate",
+        *sections.command_rates(rows),
         "## The lattice's own error",
         *_spatial(rows),
+        "## Orders on the stiff sheet",
+        *sections.measured_orders(rows),
+        "## A fourth-order stabilised method",
+        *sections.fourth_order_bound(rows),
         "## Without a result",
         *_failures(rows),
     ]
-    return "\n\n".join(part for part in sections if part) + "\n"
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def promise_is_kept(rows: Sequence[Row]) -> bool:
     """Return whether the promised share of (scene, accuracy) pairs is within what was asked, and none far
     off."""
-    factors = [row.error / row.value for row in rows if row.kind == "promise" and not row.failure]
-    lost = any(row.kind == "promise" and row.failure for row in rows)
-    share = sum(factor <= 1.0 for factor in factors) / len(factors) if factors else 1.0
-    return not lost and share >= PROMISED_SHARE and max(factors, default=0.0) <= PROMISED_FACTOR
+    _, share, worst = promised(rows)
+    return share >= PROMISED_SHARE and worst <= PROMISED_FACTOR
 
 
 def _cost_tables(rows: Sequence[Row]) -> list[str]:
@@ -108,7 +82,7 @@ def _cost_tables(rows: Sequence[Row]) -> list[str]:
             best = [cheapest(methods[name], target) for target in TARGETS]
             lines.append((f"`{name}`", *("-" if row is None else f"{1e3 * row.cpu:.3g}" for row in best)))
         tables.append(f"**{scene}, {nodes} x {nodes}**")
-        tables.append(_table(("method", *(f"{target:.0e} m" for target in TARGETS)), lines))
+        tables.append(table(("method", *(f"{target:.0e} m" for target in TARGETS)), lines))
     return tables
 
 
@@ -154,7 +128,7 @@ def _methods() -> str:
         module = inspect.getmodule(kind)
         first = (inspect.getdoc(module) or "").splitlines()[0]
         lines.append((f"`{name}`", str(kind.order), "none" if math.isinf(limit) else f"{limit:.3g} s", first))
-    return _table(("method", "order", "longest stable step, `arc` 9 x 9", "what it is"), lines)
+    return table(("method", "order", "longest stable step, `arc` 9 x 9", "what it is"), lines)
 
 
 def _promise(rows: Sequence[Row]) -> list[str]:
@@ -177,7 +151,7 @@ def _promise(rows: Sequence[Row]) -> list[str]:
         f"Promised are {100 * PROMISED_SHARE:.0f} % and {PROMISED_FACTOR:g} times: "
         f"{'kept' if kept else '**not kept**'}."
     )
-    return [text, _table(("scene", *(f"{a:.0e} m" for a in ACCURACIES)), lines)]
+    return [text, table(("scene", *(f"{a:.0e} m" for a in ACCURACIES)), lines)]
 
 
 def _effects(rows: Sequence[Row]) -> list[str]:
@@ -203,7 +177,7 @@ def _effects(rows: Sequence[Row]) -> list[str]:
             f"`{whole.method}`, which takes {evaluations:.1f} evaluations and {jacobians:.2f} Jacobians here (the last "
             f"line is the whole step, linear algebra included). A model holds only what its scene names: an effect "
             f"that is absent costs nothing.",
-            _table(("effect", "force [us]", "Jacobian [us]", "step [us]"), lines),
+            table(("effect", "force [us]", "Jacobian [us]", "step [us]"), lines),
         ]
     return parts or ["Not measured."]
 
@@ -232,7 +206,7 @@ def _spatial(rows: Sequence[Row]) -> list[str]:
         "CPU ms per simulated second",
         "cost grows as nodes to the power",
     )
-    return [text, _table(head, lines)]
+    return [text, table(head, lines)]
 
 
 def _failures(rows: Sequence[Row]) -> list[str]:
@@ -255,10 +229,5 @@ def _failures(rows: Sequence[Row]) -> list[str]:
     ]
     return [
         *parts,
-        _table(("problem", "method", "setting", "why"), lines) if lines else "Everything had a result.",
+        table(("problem", "method", "setting", "why"), lines) if lines else "Everything had a result.",
     ]
-
-
-def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    text = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    return "\n".join([*text, *(f"| {' | '.join(line)} |" for line in lines)])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,10 @@ from ldcs_ros.study.problems import ERROR_TIMES, positions, scene_of
 from ldcs_ros.study.timing import best_of
 
 REFERENCE_ACCURACY = 1e-9  # m
+# Of larger lattices: still a hundredth of what is asked of them [nodes along a side -> m].
+COARSER_REFERENCES = {65: 1e-7, 129: 1e-6}
+# From this size on only the course up to the first comparison time is run.
+SHORT_COURSE = 129
 # A run whose first PROBE seconds foretell more than the budget is not made.
 PROBE = 0.005  # s of simulation time
 # Methods that choose their steps by accuracy are judged by more, and stopped if the budget is spent before the end.
@@ -29,12 +35,14 @@ class Row:
 
     Attributes:
         kind: 'curve' (a point of a work-precision diagram), 'promise' (asked against real accuracy), 'effect' (cost of
-            an effect), 'spatial' (error of the lattice itself), 'check' (the reference against another solver).
+            an effect), 'spatial' (error of the lattice itself), 'growth' (cost and memory by lattice size), 'rate'
+            (commands at a rate), 'bound' (a method that is not there, at best), 'check' (the reference against another
+            solver).
         scene: Problem by name.
         nodes: Nodes along a side.
         method: Integrator, or a solver that is not ours.
-        setting: 'accuracy' or 'dt'; for an effect, which one was left out.
-        value: The setting's value [m or s].
+        setting: 'accuracy', 'dt' or 'rate'; for an effect, which one was left out.
+        value: The setting's value [m, s or Hz].
         error: Largest node position error at the comparison times [m].
         cpu: CPU seconds per simulated second, one thread.
         steps: Accepted steps.
@@ -71,6 +79,7 @@ class Task:
     Attributes:
         runs: How often to run at most; the best CPU time counts.
         budget: CPU seconds that one run may take by its first steps' pace [s].
+        weight: About how many seconds it takes; for the progress bar only.
     """
 
     kind: str
@@ -81,6 +90,7 @@ class Task:
     value: float
     runs: int = 3
     budget: float = 30.0
+    weight: float = 1.0
 
     @property
     def key(self) -> tuple[str, str, int, str, str, str]:
@@ -98,10 +108,16 @@ def key_of(row: Row) -> tuple[str, str, int, str, str, str]:
     return row.kind, row.scene, row.nodes, row.method, row.setting, f"{row.value:.6g}"
 
 
+def compared_at(nodes: int) -> tuple[float, ...]:
+    """Return when positions of a lattice are compared [s]; the last time ends a run."""
+    return ERROR_TIMES if nodes < SHORT_COURSE else ERROR_TIMES[:1]
+
+
 def reference(scene: str, nodes: int) -> np.ndarray:
-    """Return the reference positions of a problem at ERROR_TIMES [m]."""
+    """Return the reference positions of a problem at the comparison times [m]."""
+    accuracy = COARSER_REFERENCES.get(nodes, REFERENCE_ACCURACY)
     return positions(
-        scene_of(scene, nodes, integrator="esdirk43", accuracy=REFERENCE_ACCURACY).build(), ERROR_TIMES
+        scene_of(scene, nodes, integrator="esdirk43", accuracy=accuracy).build(), compared_at(nodes)
     )
 
 
@@ -115,19 +131,23 @@ def perform(task: Task, known: np.ndarray | None = None) -> list[Row]:
     try:
         if task.kind in ("curve", "check"):
             return [_curve(task, known)]
-        if task.kind == "promise":
-            from ldcs_ros.study.promise import promises
-
-            return promises(task)
-        if task.kind == "effect":
-            from ldcs_ros.study.effect_costs import effect_costs
-
-            return effect_costs(task)
-        from ldcs_ros.study.spatial import spatial_errors
-
-        return spatial_errors(task)
+        return _special(task.kind)(task)
     except (LdcsError, RuntimeError, MemoryError) as error:
         return [_row(task, failure=" ".join(str(error).split()) or type(error).__name__)]
+
+
+def _special(kind: str) -> Callable[[Task], list[Row]]:
+    """Return what makes the rows of a kind; each lives in a module of its own."""
+    module, name = {
+        "promise": ("promise", "promises"),
+        "effect": ("effect_costs", "effect_costs"),
+        "spatial": ("spatial", "spatial_errors"),
+        "growth": ("growth", "growth"),
+        "rate": ("command_rates", "command_rates"),
+        "bound": ("stabilised", "bound"),
+    }[kind]
+    made: Callable[[Task], list[Row]] = getattr(import_module(f"ldcs_ros.study.{module}"), name)
+    return made
 
 
 def _row(task: Task, **values: Any) -> Row:
@@ -136,43 +156,49 @@ def _row(task: Task, **values: Any) -> Row:
 
 
 def _curve(task: Task, known: np.ndarray | None) -> Row:
-    span = ERROR_TIMES[-1]
+    times = compared_at(task.nodes)
     if task.method == BASELINE:
         return _baseline(task, known)
     if task.method in SCIPY:
-        kind = task.method.removeprefix("scipy_")
-        simulation = scene_of(task.scene, task.nodes).build()
-        from ldcs_ros.study.scipy_solvers import solve
-
-        solve(simulation, kind, task.value, times=(0.002,))
-        cpu, (course, counts) = best_of(task.runs, lambda: solve(simulation, kind, task.value, ERROR_TIMES))
-        return _row(task, error=_error(course, known), cpu=cpu / span, **counts)
+        return _scipy(task, known)
     scene = scene_of(task.scene, task.nodes, integrator=task.method, **{task.setting: task.value})
     limited = task.setting == "dt" or task.method in LIMITED
     pace = _pace(scene, PROBE if limited else LONG_PROBE)
     # Steps that stability limits keep their pace; others may only be watched.
-    if limited and pace * span > task.budget:
+    if limited and pace * times[-1] > task.budget:
         return _row(
             task, cpu=pace, failure=f"too slow: {pace:.2g} CPU s per simulated second by its first steps"
         )
-    watched = pace * span > WATCHED_SHARE * task.budget
+    watched = pace * times[-1] > WATCHED_SHARE * task.budget
 
     def run() -> tuple[np.ndarray, Any]:
         simulation = scene.build()
         if watched:
-            return np.array(_watch(simulation, task.budget)), simulation.statistics
-        return positions(simulation, ERROR_TIMES), simulation.statistics
+            return np.array(_watch(simulation, times, task.budget)), simulation.statistics
+        return positions(simulation, times), simulation.statistics
 
     cpu, (course, counts) = best_of(task.runs, run)
     return _row(
         task,
         error=_error(course, known),
-        cpu=cpu / span,
+        cpu=cpu / times[-1],
         steps=counts.steps,
         rejected=counts.rejected_steps,
         evaluations=counts.evaluations,
         factorisations=counts.factorisations,
     )
+
+
+def _scipy(task: Task, known: np.ndarray | None) -> Row:
+    from ldcs_ros.study.scipy_solvers import solve
+
+    times, kind = compared_at(task.nodes), task.method.removeprefix("scipy_")
+    scene = scene_of(task.scene, task.nodes)
+    scene.build().advance_to(1e-4)  # loads and compiles
+    cpu, (course, counts) = best_of(
+        task.runs, lambda: solve(scene.build(), kind, task.value, times, budget=task.budget)
+    )
+    return _row(task, error=_error(course, known), cpu=cpu / times[-1], **counts)
 
 
 def _baseline(task: Task, known: np.ndarray | None) -> Row:
@@ -181,15 +207,15 @@ def _baseline(task: Task, known: np.ndarray | None) -> Row:
 
     if not HAVE_NUMBA:
         raise RuntimeError("the compiled baseline needs numba")
+    times = compared_at(task.nodes)
     simulation = scene_of("arc", task.nodes).build()
     mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    ArcBaseline(5, 0.1, 1e3).run(ERROR_TIMES[:1])  # compiles
     solver = ArcBaseline(task.nodes, task.value, mode.spectral_radius)
-    solver.run(ERROR_TIMES[:1])
-    cpu, course = best_of(task.runs, lambda: solver.run(ERROR_TIMES))
-    steps = round(ERROR_TIMES[-1] / solver.h)
-    span = ERROR_TIMES[-1]
+    cpu, course = best_of(task.runs, lambda: solver.run(times))
+    steps = round(times[-1] / solver.h)
     return _row(
-        task, error=_error(course, known), cpu=cpu / span, steps=steps, evaluations=steps * solver.stages
+        task, error=_error(course, known), cpu=cpu / times[-1], steps=steps, evaluations=steps * solver.stages
     )
 
 
@@ -201,14 +227,14 @@ def _pace(scene: Any, probe: float) -> float:
     return cpu / (probe - 1e-4)
 
 
-def _watch(simulation: Any, budget: float) -> list[np.ndarray]:
+def _watch(simulation: Any, times: tuple[float, ...], budget: float) -> list[np.ndarray]:
     """Return the positions at the comparison times of a long run, looked at now and then.
 
     Raises:
         RuntimeError: It has taken more CPU time than the budget [s].
     """
     began, course = time.thread_time(), []
-    for asked in ERROR_TIMES:
+    for asked in times:
         while simulation.time < asked:
             simulation.advance_to(min(asked, simulation.time + LOOK))
             spent = time.thread_time() - began
