@@ -20,7 +20,14 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     # msg_defs in the package is a link to the interface package beside it: one source, readable without ROS.
     package_data={
-        NAME: ["py.typed", "scenes/*.yaml", "bridge/rigs/*.yaml", "msg_defs/msg/*.msg", "msg_defs/srv/*.srv"]
+        NAME: [
+            "py.typed",
+            "config/*.*",
+            "scenes/*.yaml",
+            "bridge/rigs/*.yaml",
+            "msg_defs/msg/*.msg",
+            "msg_defs/srv/*.srv",
+        ]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
