@@ -94,7 +94,7 @@ class DeclareLaunchArgument:
 
 class OpaqueFunction:
     def __init__(self, *, function, args=None, kwargs=None, condition=None) -> None:
-        self.function = function
+        self.function, self.condition = function, condition
 
 
 class Shutdown:

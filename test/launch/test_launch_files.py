@@ -154,6 +154,22 @@ def test_a_bag_commands_a_live_twin_of_its_own_scene(launch):
     assert player.command[-2:] == ["--topics", "/ldcs/external_wrench"]
 
 
+def test_viewers_are_a_choice(launch):
+    (rviz,) = launch("view.launch.py").started
+    assert rviz.package == "rviz2"
+    foxglove, player = launch("view.launch.py", rviz="false", foxglove="true", bag="out/x").started
+    assert foxglove.package == "foxglove_bridge" and player.command[-1] == "out/x"
+    assert foxglove.parameters["address"] == "127.0.0.1"
+
+
+def test_rviz_shows_a_twin_of_any_namespace(launch):
+    (rviz,) = launch(
+        "view.launch.py", namespace="/left", display=str(ROOT / "ldcs_ros/config/ldcs.rviz")
+    ).started
+    display = Path(rviz.command[-1]).read_text(encoding="utf-8")
+    assert "Value: /left/surface" in display and "/ldcs/" not in display
+
+
 def test_the_stand_ins_have_the_names_and_arguments_of_the_real_ones():
     pytest.importorskip("launch_ros", reason="launch is not installed")
     for module, members in stand_in.MODULES.items():
