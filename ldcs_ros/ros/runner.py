@@ -184,20 +184,21 @@ class Runner:
         else:
             self._show_start()
 
-    def exchange(self, twin: Twin, between: Callable[[], None]) -> None:
+    def exchange(self, twin: Twin, between: Callable[[], None], *, stop: bool = False) -> None:
         """Go on with another twin from its start, running unless the old one was stopped; on the runner's thread.
 
         Args:
             twin: The new twin.
             between: Called when the old twin has had its last command.
+            stop: Stop, also if the old one ran.
         """
         self._apply_commands()
-        running = self.mode in (Mode.RUNNING, Mode.FAILED)
+        running = self.mode in (Mode.RUNNING, Mode.FAILED) and not stop
         between()
         twin.commands.count_on(self.twin.commands)
         self.twin = twin
         twin.watchdog.suspend()
-        self.mode, self.failure = self.mode if self.mode is Mode.STOPPED else Mode.PAUSED, ""
+        self.mode, self.failure = Mode.STOPPED if stop or self.mode is Mode.STOPPED else Mode.PAUSED, ""
         if running:
             self.resume()
         else:

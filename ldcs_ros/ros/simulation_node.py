@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 import traceback
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -26,6 +27,7 @@ from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
 from ldcs_ros.ros.qos import check_overrides
 from ldcs_ros.ros.runner import NotActive, NotNow, Periodic, Runner
+from ldcs_ros.ros.scene_loader import SceneLoader
 from ldcs_ros.ros.scene_service import SceneService
 from ldcs_ros.ros.services import Services
 from ldcs_ros.ros.status_line import StatusLine
@@ -72,6 +74,7 @@ class SimulationNode(LifecycleNode):
         self._interfaces: dict[str, str] = {}
         self._is_active = False
         self._triggers = Services(self, self.active_runner)
+        self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, exchange=self._exchange)
         self._offer_own_services()
         self._simulator = self._offer_simulator_services()
 
@@ -193,7 +196,7 @@ class SimulationNode(LifecycleNode):
         except ImportError as error:
             self.get_logger().warning(f"simulation_interfaces cannot be used: {error}")
             return None
-        return SimulatorServices(self, self)
+        return SimulatorServices(self, self, self._scenes)
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -204,7 +207,7 @@ class SimulationNode(LifecycleNode):
         from ldcs_msgs.srv import ApplyWrench, LoadScene
 
         WrenchService(self, ApplyWrench, self.active_runner)
-        SceneService(self, LoadScene, self.active_runner, build=self._twin_of, exchange=self._exchange)
+        SceneService(self, LoadScene, self._scenes)
 
     def _check_setting(self) -> None:
         present = installed()
@@ -276,10 +279,11 @@ class SimulationNode(LifecycleNode):
         twin.topics |= self._transport.open(twin.topics.values(), runner.post)
         twin.sinks.append(self._transport)
 
-    def _exchange(self, twin: Twin) -> str:
+    def _exchange(self, twin: Twin, *, stop: bool) -> str:
         runner = self.active_runner()
         self._join_graph(twin, runner)
-        runner.call(lambda: runner.exchange(twin, lambda: self._bag.change_twin(runner.twin, twin)))
+        change_bag = partial(self._bag.change_twin, runner.twin, twin)
+        runner.call(partial(runner.exchange, twin, change_bag, stop=stop))
         self._transport.keep(twin.topics)
         return self._bag.error
 

@@ -20,6 +20,7 @@ from simulation_interfaces.msg import (  # noqa: E402
     Bounds,
     EntityCategory,
     EntityFilters,
+    Resource,
     Result,
     SimulationState,
     SimulatorFeatures,
@@ -31,6 +32,16 @@ from ldcs_ros.ros.simulator.answers import usual_name  # noqa: E402
 PERIOD_NS = 20_000_000
 NODES = "/ldcs/nodes"
 STATES = {"stopped": 0, "playing": 1, "paused": 2, "quitting": 3}
+
+
+HANGING = """\
+title: Mine
+lattice: {size: [0.14, 0.14, 0.01], nodes: [3, 3], mass: 0.16}
+effects:
+  - {type: springs, law: axial, stiffness: 80.0, damping: 5.0}
+  - {type: gravity}
+  - {type: clamp, edge: x_min}
+"""
 
 
 class Operator(PlainUser):
@@ -288,6 +299,49 @@ def test_an_entity_cannot_be_put_somewhere(user):
     result = user.ask("SetEntityState", entity="P1", set_pose=True).result
     assert result.result == Result.RESULT_FEATURE_UNSUPPORTED
     assert "external_wrench" in result.error_message
+
+
+def test_worlds_are_the_scenes_and_are_chosen_by_their_effects(user, tmp_path):
+    worlds = user.ask("GetAvailableWorlds").worlds
+    assert {"paper", "rig", "hanging_sheet"} <= {world.name for world in worlds}
+    assert all(world.world_resource.uri == world.name and world.description for world in worlds)
+    both = TagsFilter(tags=["arms", "support"], filter_mode=TagsFilter.FILTER_MODE_ALL)
+    assert "rig" in [world.name for world in user.ask("GetAvailableWorlds", filter=both).worlds]
+    (tmp_path / "mine.yaml").write_text(HANGING)
+    mine = user.ask("GetAvailableWorlds", additional_sources=[str(tmp_path)]).worlds[-1]
+    assert (mine.name, mine.world_resource.uri) == ("mine", str(tmp_path / "mine.yaml"))
+    missing = user.ask("GetAvailableWorlds", additional_sources=["/no/such/folder"])
+    assert missing.result.result == Result.RESULT_OPERATION_FAILED and not missing.worlds
+    user.set_state("paused")
+    assert user.ask("GetCurrentWorld").world.name == "paper"
+
+
+def test_a_world_is_loaded_by_name_or_text_and_left_stopped(start):
+    node, _ = start(with_user=False, scene="paper")
+    user = Operator(node.domain)
+    response = srv.LoadWorld.Response
+    try:
+        user.until(lambda: user.state == "playing", timeout=45.0)
+        for resource, code in (
+            (Resource(), response.NO_RESOURCE),
+            (Resource(uri="no_such_scene"), Result.RESULT_NOT_FOUND),
+            (Resource(uri=__file__), response.UNSUPPORTED_FORMAT),
+            (Resource(resource_string="title: nothing\n"), response.RESOURCE_PARSE_ERROR),
+        ):
+            assert user.ask("LoadWorld", world_resource=resource).result.result == code
+        assert user.state == "playing" and user.ask("GetCurrentWorld").world.name == "paper"
+        answer = user.ask("LoadWorld", world_resource=Resource(uri="single_spring"))
+        assert (answer.result.result, answer.world.name) == (Result.RESULT_OK, "single_spring")
+        assert user.state == "stopped" and user.names(filter=".*_link_.*") == []
+        assert user.time_of("node_top_1_1") == 0
+        answer = user.ask("LoadWorld", world_resource=Resource(resource_string=HANGING))
+        assert answer.world.description == "Mine" and answer.world.tags == ["clamp", "gravity", "springs"]
+        assert answer.world.world_resource.resource_string == HANGING
+        assert len(user.names()) == 18
+        assert user.set_state("playing") == Result.RESULT_OK
+        user.until(lambda: user.time_of("node_top_1_1") > 0)
+    finally:
+        user.close()
 
 
 def test_quitting_closes_the_bag_and_ends_the_process(start, tmp_path):

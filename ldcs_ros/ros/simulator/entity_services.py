@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from geometry_msgs.msg import Vector3
-from simulation_interfaces.msg import EntityCategory, EntityState, Result, TagsFilter
+from simulation_interfaces.msg import EntityCategory, EntityState, Result
 
 from ldcs_ros.interface.cdr import nanoseconds
 from ldcs_ros.interface.entities import Entities, Entity, Instant, Kind
@@ -16,6 +16,7 @@ from ldcs_ros.interface.region import Box, Region, Sphere
 from ldcs_ros.ros.runner import NotActive, Runner
 from ldcs_ros.ros.simulator.answers import Refused
 from ldcs_ros.ros.simulator.host import Host
+from ldcs_ros.ros.simulator.tags import TagChoice
 
 
 class EntityServices:
@@ -87,11 +88,7 @@ class EntityServices:
         return entity
 
     def _chosen(self, filters: Any, motions: Motions | None) -> list[Entity]:
-        tags, mode = set(filters.tags.tags), filters.tags.filter_mode
-        if mode not in (TagsFilter.FILTER_MODE_ANY, TagsFilter.FILTER_MODE_ALL):
-            raise Refused(
-                Result.RESULT_OPERATION_FAILED, f"tag filter mode {mode}, expected any (0) or all (1)"
-            )
+        tags = TagChoice(filters.tags)
         try:
             names = NameFilter(filters.filter)
             region = region_of(filters.bounds)
@@ -107,7 +104,7 @@ class EntityServices:
             for entity in self._entities().all.values()
             if names.matches(entity.name)
             and (not categories or _category(entity) in categories)
-            and (not tags or (tags <= set(entity.tags) if mode else tags & set(entity.tags)))
+            and tags.takes(entity.tags)
             and (everywhere is None or everywhere[entity.row])
         ]
 

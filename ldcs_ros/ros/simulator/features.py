@@ -20,6 +20,7 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "StepSimulation": ("STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE"),
     "SimulateSteps": ("STEP_SIMULATION_ACTION",),
     "GetCurrentWorld": ("WORLD_INFO_GETTING",),
+    "LoadWorld": ("WORLD_LOADING", "WORLD_RESOURCE_STRING"),
     "GetAvailableWorlds": ("AVAILABLE_WORLDS", "WORLD_TAGS"),
 }
 

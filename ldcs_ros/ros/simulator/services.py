@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 
+from ldcs_ros.ros.scene_loader import SceneLoader
 from ldcs_ros.ros.simulator.answers import offer
 from ldcs_ros.ros.simulator.control import Control
 from ldcs_ros.ros.simulator.entity_services import EntityServices
@@ -21,12 +23,13 @@ class SimulatorServices:
     Args:
         node: The node that offers them.
         host: The same node, as what has the runner.
+        loader: What loads scenes.
 
     Attributes:
         offered: Names of the types of all services and actions.
     """
 
-    def __init__(self, node: LifecycleNode, host: Host) -> None:
+    def __init__(self, node: LifecycleNode, host: Host, loader: SceneLoader) -> None:
         control, entities = Control(host), EntityServices(host)
         handlers: dict[str, Callable[[Any, Any], None]] = {
             "GetSimulationState": control.get_state,
@@ -39,6 +42,7 @@ class SimulatorServices:
             "SetEntityState": entities.refuse_to_set,
         }
         self.offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
+        self.offered += _offer_worlds(node, host, loader)
         self._stepping = Stepping(node, host)
         self.offered += self._stepping.offered
         offer(node, "GetSimulatorFeatures", Features(self.offered).tell)
@@ -46,3 +50,17 @@ class SimulatorServices:
     def close(self) -> None:
         """Withdraw the action; services go with the node."""
         self._stepping.close()
+
+
+def _offer_worlds(node: LifecycleNode, host: Host, loader: SceneLoader) -> list[str]:
+    try:
+        from ldcs_ros.ros.simulator.worlds import Worlds
+    except ImportError:
+        # The first version of the interfaces had no worlds.
+        return []
+    worlds = Worlds(host, loader)
+    handlers = {"GetAvailableWorlds": worlds.available, "GetCurrentWorld": worlds.current}
+    offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
+    return offered + (
+        ["LoadWorld"] if offer(node, "LoadWorld", worlds.load, group=ReentrantCallbackGroup()) else []
+    )
