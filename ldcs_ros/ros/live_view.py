@@ -50,13 +50,20 @@ def main(words: list[str] | None = None) -> int:
 
 def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
     import rclpy
+    from rclpy.exceptions import InvalidNamespaceException
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.validate_namespace import validate_namespace
 
     from ldcs_ros.viewing.library import program
     from ldcs_ros.viewing.showing import until_stopped
     from ldcs_ros.viewing.site import live_site
 
     program()
+    arguments.namespace = "/" + arguments.namespace.strip("/")
+    try:
+        validate_namespace(arguments.namespace)
+    except InvalidNamespaceException as error:
+        raise ViewingError(f"namespace {arguments.namespace!r}: {error}") from error
     with until_stopped() as stopped, live_site(arguments.port, memory=MEMORY) as site:
         rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
         try:
