@@ -74,6 +74,15 @@ SIM_SERVICES = (
     ServiceEntry(
         "~/set_entity_state", f"{_SIMULATOR}SetEntityState", "refused: the sheet moves as its physics says"
     ),
+    ServiceEntry(
+        "~/get_available_worlds",
+        f"{_SIMULATOR}GetAvailableWorlds",
+        "the shipped scenes, by the effects as tags",
+    ),
+    ServiceEntry("~/get_current_world", f"{_SIMULATOR}GetCurrentWorld", "the scene that is loaded, whole"),
+    ServiceEntry(
+        "~/load_world", f"{_SIMULATOR}LoadWorld", "a scene by name, path or text; left stopped at its start"
+    ),
 )
 BRIDGE_SERVICES = (
     ServiceEntry(
