@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.interface.diagnostics import ERROR, OK, Status
@@ -13,6 +14,7 @@ from ldcs_ros.interface.topics import TOPICS
 CLOCK = TOPICS["/clock"].name
 DISCOVERY_TIME = 1.0
 """Wall time in which the publishers that were there before are known [s]."""
+NAMELESS = "somebody without a name"
 
 
 def sim_time_complaint(*, use_sim_time: bool, publish_clock: bool) -> str:
@@ -39,7 +41,7 @@ class ClockWatch:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._since = time.monotonic()
-        self._told = ""
+        self._told = False
 
     def refuse_second(self) -> None:
         """Wait until the graph is known, before the own clock is published.
@@ -47,7 +49,12 @@ class ClockWatch:
         Raises:
             LdcsError: Somebody publishes a clock.
         """
-        while not (others := self._publishers()) and time.monotonic() < self._since + DISCOVERY_TIME:
+        while True:
+            others = self._publishers()
+            # A publisher is often found a moment before the name of its node.
+            known = others and NAMELESS not in others
+            if known or time.monotonic() > self._since + DISCOVERY_TIME:
+                break
             time.sleep(0.02)
         if others:
             raise LdcsError(
@@ -64,11 +71,18 @@ class ClockWatch:
         trouble = ""
         if others:
             trouble = f"a second clock: {CLOCK} is published by {', '.join(others)} too; end it"
-        if trouble and trouble != self._told:
+        if trouble and not self._told:
             self._node.get_logger().error(trouble)
-        self._told = trouble
+        self._told = bool(trouble)
         return Status("clock", ERROR if trouble else OK, trouble or "the clock of this graph", {})
 
     def _publishers(self) -> list[str]:
         infos = self._node.get_publishers_info_by_topic(CLOCK)
-        return [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in infos]
+        return [_name(one) for one in infos]
+
+
+def _name(info: TopicEndpointInfo) -> str:
+    # rmw's word for a node that it does not know, or not yet.
+    if "_UNKNOWN_" in info.node_name:
+        return NAMELESS
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"

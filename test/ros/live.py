@@ -124,11 +124,11 @@ class PlainUser:
         request = ChangeState.Request(transition=Transition(id=transition))
         return self.call("/ldcs/ldcs_sim/change_state", ChangeState, request).success
 
-    def set_parameters(self, *, atomically=False, **values):
+    def set_parameters(self, *, node="/ldcs/ldcs_sim", atomically=False, **values):
         service = SetParametersAtomically if atomically else SetParameters
         name = "set_parameters_atomically" if atomically else "set_parameters"
         request = service.Request(parameters=[_parameter(*item) for item in values.items()])
-        return self.call(f"/ldcs/ldcs_sim/{name}", service, request)
+        return self.call(f"{node}/{name}", service, request)
 
     def diagnostics(self, entry):
         """The values of an entry in the next diagnostics message, with its message and level."""
