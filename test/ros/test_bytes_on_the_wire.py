@@ -6,16 +6,15 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from fake_scene import Collector, RailScene
+from fake_scene import Collector
 from rclpy.serialization import deserialize_message, serialize_message
 
+from ldcs_ros import load_scene
 from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.messages import pressure_command
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.ros.optional import installed
 from ldcs_ros.ros.transport import message_type
-
-SENSORS = {"tracker": {"points": ("P0", "P1"), "rate": 50.0}, "pressure": {"rate": 50.0}}
 
 
 def same(ours, theirs):
@@ -37,13 +36,13 @@ def same(ours, theirs):
 def emitted():
     collected = Collector()
     twin = Twin(
-        RailScene(sensors=SENSORS),
+        load_scene("rig"),
         sinks=[collected],
         wanted=lambda name: True,
         publish_clock=True,
         publish_tf=installed()["tf2_msgs"],
     )
-    twin.receive("pressure_command", pressure_command([1e5, 2e5]))
+    twin.receive("pressure_command", pressure_command([1e5, 1.2e5]))
     twin.advance_to(0.1)
     return {topic: (kind, cdr) for topic, kind, cdr, _ in collected if find_spec(kind.split("/")[0])}
 
