@@ -7,14 +7,12 @@ what was measured when it was written down; lower it when something becomes fast
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.study.baseline import ArcBaseline
 from ldcs_ros.study.problems import scene_of
-from ldcs_ros.threads import one_thread
+from ldcs_ros.study.timing import in_turns
 
 ROUNDS = 7
 SPAN = (1.0,)  # s of simulation time
@@ -31,18 +29,6 @@ RUNS = {
     "arc with rkc2 at 1e-5 m": (4.5, "arc", 9, {"integrator": "rkc2", "accuracy": 1e-5}),
     "arc with trbdf2 at 1e-4 m": (0.75, "arc", 9, {"integrator": "trbdf2", "accuracy": 1e-4}),
 }
-
-
-def _in_turns(*works):
-    """Return the least CPU time of each piece of work [s], calling them one after the other again and again."""
-    best = [float("inf")] * len(works)
-    with one_thread():
-        for _ in range(ROUNDS):
-            for index, work in enumerate(works):
-                began = time.thread_time()
-                work()
-                best[index] = min(best[index], time.thread_time() - began)
-    return best
 
 
 def _baseline(nodes):
@@ -65,7 +51,7 @@ def test_a_second_of_simulation_costs_no_more_baselines_than_it_did(what):
         simulation.reset()
         simulation.advance_to(SPAN[-1])
 
-    taken, reference = _in_turns(ours, lambda: baseline.run(SPAN))
+    taken, reference = in_turns(ours, lambda: baseline.run(SPAN), rounds=ROUNDS)
     ratio = taken / reference
     print(f"\n{what}: {ratio:.2f} baselines (limit {limit:g}), {SPAN[-1] / taken:.0f} times real time")
     assert ratio < limit
@@ -83,6 +69,6 @@ def test_a_force_evaluation_costs_no_more_than_a_few_of_the_stencils():
         for _ in range(count):
             model.force(motion.time, motion.q, motion.u, held)
 
-    taken, reference = _in_turns(ours, lambda: baseline.run(SPAN))
+    taken, reference = in_turns(ours, lambda: baseline.run(SPAN), rounds=ROUNDS)
     print(f"\nforce evaluation: {taken / reference:.2f} stencil evaluations")
     assert taken / reference < 1.4

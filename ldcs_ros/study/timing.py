@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ldcs_ros.threads import one_thread
+
 
 def best_of(runs: int, work: Callable[[], Any], *, enough: float = 1.0) -> tuple[float, Any]:
     """Return the least CPU time of up to `runs` calls [s] and the last result; long ones are not repeated.
@@ -26,6 +28,21 @@ def best_of(runs: int, work: Callable[[], Any], *, enough: float = 1.0) -> tuple
         if spent > enough:
             break
     return best, result
+
+
+def in_turns(*works: Callable[[], Any], rounds: int) -> list[float]:
+    """Return the least CPU time of each piece of work [s], calling them one after the other again and again.
+
+    A busy machine then slows all of them alike: their ratios stand.
+    """
+    best = [float("inf")] * len(works)
+    with one_thread():
+        for _ in range(rounds):
+            for index, work in enumerate(works):
+                began = time.thread_time()
+                work()
+                best[index] = min(best[index], time.thread_time() - began)
+    return best
 
 
 def machine() -> dict[str, str]:
