@@ -1,8 +1,10 @@
 """The live twin, recorded: `ros2 launch ldcs_ros record.launch.py scene:=rig record:=out/rig graph:=out/rig_graph`."""
 
+from __future__ import annotations
+
 import time
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import ExecuteProcess, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
@@ -30,7 +32,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _twin_and_recorder(context):
+def _twin_and_recorder(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     values = given_parameters(context, PARAMETERS.values())
     twin = node(context, "sim", values, file="params_file", namespace=LaunchConfiguration("namespace"))
     folder = context.launch_configurations["graph"]

@@ -1,10 +1,13 @@
 """A bag again, exactly or on a live twin: `ros2 launch ldcs_ros replay.launch.py bag:=out/paper live:=true`."""
 
+from __future__ import annotations
+
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
     ExecuteProcess,
@@ -13,6 +16,7 @@ from launch.actions import (
     RegisterEventHandler,
 )
 from launch.event_handlers import OnProcessIO
+from launch.events.process import ProcessIO
 from launch_ros.substitutions import ExecutableInPackage
 
 from ldcs_ros.errors import RecordingError
@@ -40,7 +44,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _replay(context):
+def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = context.launch_configurations
     if given["live"] == "false":
         command = [ExecutableInPackage("ldcs", PACKAGE), "replay", given["bag"], "--bag", given["output"]]
@@ -58,7 +62,7 @@ def _replay(context):
     player = ["ros2", "bag", "play", given["bag"], "--topics", *held]
     players = [ExecuteProcess(cmd=player, output="screen")]
 
-    def play(event):
+    def play(event: ProcessIO) -> ExecuteProcess | None:
         # The twin's first line about its time; before, it compiles, and would miss the first commands.
         return players.pop() if players and Mode.RUNNING.value.encode() in event.text else None
 
@@ -70,7 +74,7 @@ def _replay(context):
     return [*settled, RegisterEventHandler(OnProcessIO(target_action=twin, on_stderr=play)), twin]
 
 
-def _parameters(run: RunDescription) -> dict:
+def _parameters(run: RunDescription) -> dict[str, Any]:
     scene = Path(tempfile.mkdtemp(prefix="ldcs_replay_"), f"{run.scene.name}.yaml")
     scene.write_text(run.scene.text, encoding="utf-8")
     return {

@@ -1,11 +1,16 @@
 """A rig, or its stand-in, and the twin beside it: `ros2 launch ldcs_ros rig.launch.py mode:=mirror`."""
 
+from __future__ import annotations
+
 import tempfile
 from pathlib import Path
+from typing import Any
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessIO
+from launch.events.process import ProcessIO
+from launch_ros.actions import Node
 
 from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
 from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
@@ -30,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _rig_and_bridge(context):
+def _rig_and_bridge(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = context.launch_configurations
     values = given_parameters(context, BRIDGE_PARAMETERS.values())
     if given["rig"]:
@@ -44,14 +49,14 @@ def _rig_and_bridge(context):
     rig = node(context, "mock_rig", {**rig_values, "rig_file": str(rig_file)}, file="rig_params_file")
     bridges = [_bridge(context, {**values, "rig": str(rig_file)})]
 
-    def connect(_):
+    def connect(_: ProcessIO) -> Node | None:
         # The rig writes its file when its port is open, and then says something at least every other second.
         return bridges.pop() if bridges and rig_file.exists() else None
 
     return [rig, RegisterEventHandler(OnProcessIO(target_action=rig, on_stdout=connect, on_stderr=connect))]
 
 
-def _bridge(context, values):
+def _bridge(context: LaunchContext, values: dict[str, Any]) -> Node:
     return node(
         context, "bridge", values, file="params_file", namespace=context.launch_configurations["namespace"]
     )

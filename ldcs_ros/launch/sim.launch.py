@@ -1,6 +1,8 @@
 """The live twin: `ros2 launch ldcs_ros sim.launch.py scene:=rig real_time_factor:=2.0 namespace:=/left`."""
 
-from launch import LaunchDescription
+from __future__ import annotations
+
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
@@ -22,6 +24,6 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _twin(context):
+def _twin(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     values = given_parameters(context, PARAMETERS.values())
     return [node(context, "sim", values, file="params_file", namespace=LaunchConfiguration("namespace"))]

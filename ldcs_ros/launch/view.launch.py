@@ -1,9 +1,11 @@
 """Viewers on a running twin or on a bag: `ros2 launch ldcs_ros view.launch.py foxglove:=true bag:=out/marked`."""
 
+from __future__ import annotations
+
 import tempfile
 from pathlib import Path
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import ExecuteProcess, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -41,7 +43,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _rviz(context):
+def _rviz(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     display, namespace = (context.launch_configurations[name] for name in ("display", "namespace"))
     if namespace != NAMESPACE:
         # A display names topics in full, so another namespace needs a display of its own.
@@ -54,6 +56,6 @@ def _rviz(context):
     ]
 
 
-def _player(context):
+def _player(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     bag = context.launch_configurations["bag"]
     return [ExecuteProcess(cmd=["ros2", "bag", "play", "--loop", bag], output="screen")] if bag else []

@@ -24,6 +24,17 @@ class LaunchContext:
         self.launch_configurations = dict(given)
 
 
+class LaunchDescriptionEntity:
+    """Base of what a description holds."""
+
+
+@dataclass
+class ProcessIO:
+    """Something that a process printed."""
+
+    text: bytes
+
+
 class LaunchDescription:
     def __init__(self, initial_entities=None) -> None:
         self.entities = list(initial_entities or ())
@@ -140,7 +151,7 @@ class RegisterEventHandler:
 
 
 MODULES = {
-    "launch": [LaunchContext, LaunchDescription],
+    "launch": [LaunchContext, LaunchDescription, LaunchDescriptionEntity],
     "launch.actions": [
         DeclareLaunchArgument,
         ExecuteProcess,
@@ -151,6 +162,8 @@ MODULES = {
     ],
     "launch.conditions": [IfCondition],
     "launch.event_handlers": [OnProcessIO],
+    "launch.events": [],
+    "launch.events.process": [ProcessIO],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution],
     "launch_ros": [],
     "launch_ros.actions": [Node],
@@ -204,7 +217,7 @@ class Launched:
 
     def say(self, executable: str, text: bytes) -> None:
         """Let a node print something, and execute what that sets off."""
-        self.visit(self.handlers[executable](types.SimpleNamespace(text=text)) or [])
+        self.visit(self.handlers[executable](ProcessIO(text)) or [])
 
     def _declare(self, argument: DeclareLaunchArgument) -> None:
         self.declared.append(argument)
