@@ -68,6 +68,7 @@ def _pace(runner: Runner) -> Status:
         message,
         {
             "mode": runner.mode.value,
+            "scene": runner.twin.scene.name,
             "simulation time [s]": f"{runner.twin.time:.6f}",
             "real-time factor": meter.real_time_factor,
             "real-time factor asked": asked,

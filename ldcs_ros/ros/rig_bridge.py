@@ -25,7 +25,9 @@ from ldcs_ros.errors import BridgeError
 from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.recorder import Recorder
+from ldcs_ros.interface.topics import Topic
 from ldcs_ros.ros.parameters import declare
+from ldcs_ros.ros.qos import check_overrides
 from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS
 from ldcs_ros.ros.runner import Periodic
 from ldcs_ros.ros.transport import Transport, message_type
@@ -67,6 +69,8 @@ class RigBridge(Node):
         )
         self._health = Health(self._bridge)
         self._transport = Transport(self)  # type: ignore[arg-type]
+        for complaint in check_overrides(self, self._published()):
+            self.get_logger().warning(complaint)
         self._recorder: Recorder | None = None
         self._record()
         self._join_graph()
@@ -109,9 +113,11 @@ class RigBridge(Node):
         )
         self.get_logger().info(f"recording to {folder}/twin and {folder}/rig")
 
+    def _published(self) -> list[Topic]:
+        return [topic for topic in self._bridge.twin.topics.values() if topic.direction == "out"]
+
     def _join_graph(self) -> None:
-        topics = [topic for topic in self._bridge.twin.topics.values() if topic.direction == "out"]
-        self._transport.open(topics, lambda topic, cdr: None)
+        self._transport.open(self._published(), lambda topic, cdr: None)
         self._bridge.twin.sinks.append(self._transport)
         self.create_subscription(Float64MultiArray, "pressure_command", self._hear, 10, raw=True)
         # Rigs publish reliably or not; this listens to both.

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
@@ -63,10 +65,12 @@ class StandInRig(Node):
         self._write_rig_file()
         # The gauge on the wall: true whatever the rig's own reports say, for people and tests.
         self._gauge = self.create_publisher(Float64MultiArray, "~/chambers", 10)
+        # A rig does not wait for a clock of the graph, whatever use_sim_time says.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timers_kept = [
-            self.create_timer(STATUS_PERIOD, self._tell),
-            self.create_timer(GAUGE_PERIOD, self._show_gauge),
-            self.create_timer(GAUGE_PERIOD, self._begin_when_watched),
+            self.create_timer(STATUS_PERIOD, self._tell, clock=steady),
+            self.create_timer(GAUGE_PERIOD, self._show_gauge, clock=steady),
+            self.create_timer(GAUGE_PERIOD, self._begin_when_watched, clock=steady),
         ]
 
     def stop(self) -> None:
