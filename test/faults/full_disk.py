@@ -13,29 +13,27 @@ from load_tables import row
 
 from ldcs_ros.recording import read_bag, recover
 
-ROOM = 2_000_000
-
 
 @contextmanager
-def small_disk(folder):
-    """Mount a disk of 2 MB in a folder where the system allows it; yields what it is."""
+def small_disk(folder, room):
+    """Mount a small disk in a folder where the system allows it; yields what it is."""
     folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={ROOM}", "tmpfs", str(folder)]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={room}", "tmpfs", str(folder)]
     mounted = os.geteuid() == 0 and subprocess.run(mount, capture_output=True).returncode == 0
     try:
-        yield "a disk of 2 MB (tmpfs)" if mounted else "a limit of 2 MB on the size of files (RLIMIT_FSIZE)"
+        yield f"{room / 1e6:g} MB, {'tmpfs' if mounted else 'RLIMIT_FSIZE'}"
     finally:
         if mounted:
             subprocess.run(["umount", "--lazy", str(folder)], capture_output=True)
 
 
-def full_disk(folder):
+def full_disk(folder, *, room=2_000_000):
     """Record onto a small disk until it is full and a second longer; return the figures."""
-    with small_disk(folder / "disk") as kind:
+    with small_disk(folder / "disk", room) as kind:
         limit = "tmpfs" not in kind
         with Session(folder, scene="rig", publish_rate=200.0, record="disk/bag") as session:
             if limit:
-                resource.prlimit(session.node.process.pid, resource.RLIMIT_FSIZE, (ROOM, ROOM))
+                resource.prlimit(session.node.process.pid, resource.RLIMIT_FSIZE, (room, room))
             recorder = session.health()["recorder"]
             while recorder["level"] == 0:
                 recorder = session.health()["recorder"]

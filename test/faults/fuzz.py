@@ -90,7 +90,7 @@ class Fuzzer:
     def run(self, seconds: float) -> None:
         """Go on for a wall time [s], then halt."""
         end = time.monotonic() + seconds
-        halt = time.monotonic() + min(HALT_PERIOD, seconds / 3)
+        halt = time.monotonic() + HALT_PERIOD
         journey = time.monotonic() + min(ROUND_PERIOD, seconds / 2)
         while time.monotonic() < end:
             for _ in range(self._random.randint(1, 60)):

@@ -13,6 +13,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from ldcs_ros.ros.transport import message_type
 
 NODE = "/ldcs/ldcs_sim"
+CLOUD = message_type("sensor_msgs/msg/PointCloud2")
 # What a sender counts as sent must not be overwritten in its own queue.
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL, depth=0, reliability=ReliabilityPolicy.RELIABLE)
 _TICKS = os.sysconf("SC_CLK_TCK")

@@ -1,21 +1,42 @@
-"""Two nodes of one name are told of each other, in the log and in the diagnostics, and both go on."""
+"""Two nodes of one name are told of each other, in the log and in the diagnostics."""
 
 from __future__ import annotations
 
-import signal
+import time
 
-from live import LiveNode
-from load_session import Session
+import rclpy
+from live import own_domain
+from rclpy.context import Context
+from rclpy.node import Node
+
+from ldcs_ros.ros.namesakes import Namesakes
 
 
-def test_two_nodes_of_one_name_both_say_so_and_go_on(tmp_path):
-    with Session(tmp_path, scene="single_spring") as session:
-        assert session.health()["name"]["level"] == 0
-        second = LiveNode(tmp_path / "second.log", session.domain, scene="single_spring")
-        try:
-            session.user.until(lambda: session.health()["name"]["level"] == 1, 15.0)
-            session.user.until(lambda: "2 nodes are named /ldcs/ldcs_sim" in second.output, 10.0)
-        finally:
-            assert second.stop(signal.SIGINT) == 0
-        session.user.until(lambda: session.health()["name"]["level"] == 0, 10.0)
-        assert session.node.output.count("2 nodes are named /ldcs/ldcs_sim") == 1
+def until_level(namesakes, level):
+    end = time.monotonic() + 10.0
+    while (status := namesakes.look()).level != level and time.monotonic() < end:
+        time.sleep(0.05)
+    return status
+
+
+def test_a_second_node_of_the_same_name_is_told_once_and_until_it_leaves(monkeypatch):
+    context = Context()
+    rclpy.init(context=context, domain_id=own_domain())
+    try:
+        first = Node("ldcs_sim", namespace="/ldcs", context=context)
+        other = Node("ldcs_sim", namespace="/elsewhere", context=context)
+        warned = []
+        monkeypatch.setattr(first.get_logger(), "warning", warned.append)
+        namesakes = Namesakes(first)
+        assert until_level(namesakes, 0).message == "the only one"
+        second = Node("ldcs_sim", namespace="/ldcs", context=context)
+        status = until_level(namesakes, 1)
+        assert "2 nodes are named /ldcs/ldcs_sim" in status.message and "__ns:=" in status.message
+        namesakes.look()
+        assert warned == [status.message]
+        second.destroy_node()
+        assert until_level(namesakes, 0).values == {"nodes of this name": 1}
+        other.destroy_node()
+        first.destroy_node()
+    finally:
+        rclpy.try_shutdown(context=context)
