@@ -15,6 +15,7 @@ endif
 READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
 PACKAGE := .venv/.package
 MESSAGES := .venv/.messages
+LOAD := source tools/environment.sh && $(BIN)/python test/faults/under_load.py $(if $(SECONDS),--seconds $(SECONDS) --docs out)
 STAND_IN := .venv/.stand_ins
 
 help:  ## list the targets
@@ -42,6 +43,15 @@ hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases
 viewer: setup  ## install the viewer of `ldcs view` (half a gigabyte) and check it in a headless chromium
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/view.lock
 	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/viewing
+
+soak: setup  ## run the live node for an hour at 200 Hz, write docs/under_load.md: SECONDS=60 for a short one, into out/
+	@$(LOAD) soak
+
+fuzz: setup  ## send random messages, calls, parameters for ten minutes, write docs/under_load.md: SECONDS=60 SEED=7
+	@$(LOAD) fuzz --seed $(or $(SEED),7)
+
+faults: setup  ## flood, joining subscribers, kill -9, a full disk (three minutes), write docs/under_load.md
+	@$(LOAD) flood joins kill disk
 
 types: setup  ## check the types
 	@$(BIN)/mypy
@@ -82,4 +92,4 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 $(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults types msgs colcon bags docs lock clean
