@@ -13,12 +13,12 @@ own; what it did is read from its diagnostics, from its bag and, for memory and 
 goes over shared memory.
 """
 TITLES = {
-    "soak": ("A long run at 200 Hz, recorded", "make soak SECONDS={seconds:.0f}"),
+    "soak": ("A long run at 200 Hz, recorded", "make soak"),
     "flood": ("A flood of commands", "make faults"),
     "joins": ("A hundred subscribers join and leave", "make faults"),
     "kill": ("Killed while it records", "make faults"),
     "disk": ("A full disk", "make faults"),
-    "fuzz": ("Random messages, services and parameters", "make fuzz SECONDS={seconds:.0f} SEED={seed}"),
+    "fuzz": ("Random messages, services and parameters", "make fuzz SEED={seed}"),
 }
 
 
@@ -50,11 +50,7 @@ def page(runs: dict[str, dict]) -> str:
             f"| {one['what']} | {one['measured']} | {one['required']} | {'kept' if one['kept'] else '**not kept**'} |"
             for one in run["rows"]
         ]
-        command = (
-            command.format(seconds=0.0, **run["options"])
-            if "seconds" not in run["options"]
-            else (command.format(**run["options"]))
-        )
+        command = command.format(**run["options"])
         parts.append(
             f"## {title}\n\n`{command}` ({run['took']:.0f} s): {machine}.\n\n" + "\n".join(lines) + "\n"
         )

@@ -54,7 +54,7 @@ def _one(name: str, arguments: argparse.Namespace) -> bool:
 
     folder = ROOT / "out" / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
     folder.mkdir(parents=True)
-    options = {"seconds": arguments.seconds} if arguments.seconds else {}
+    options = {"seconds": arguments.seconds} if arguments.seconds and name in TIMED else {}
     if name == "fuzz":
         options["seed"] = arguments.seed
     began = time.monotonic()
