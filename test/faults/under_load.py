@@ -30,6 +30,7 @@ RUNS = {
     "disk": "full_disk",
     "fuzz": "fuzz",
 }
+TIMED = ("soak", "flood", "fuzz")
 
 
 def main() -> int:
