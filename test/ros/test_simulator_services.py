@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is no
 
 from action_msgs.msg import GoalStatus  # noqa: E402
 from geometry_msgs.msg import Vector3  # noqa: E402
+from lifecycle_msgs.msg import Transition  # noqa: E402
 from live import LiveNode, PlainUser, own_domain, stamp  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
@@ -84,13 +86,18 @@ class Operator(PlainUser):
             self.spin(0.5)
         return self._client
 
-    def simulate(self, steps, enough=lambda feedback: False):
-        """Send a goal, cancel it when feedback is enough; status, result and all feedback."""
-        client, told = self._action_client(), []
-        sent = client.send_goal_async(
+    def begin(self, steps):
+        """Send a goal; the future of its handle, and the list that its feedback goes into."""
+        told = []
+        sent = self._action_client().send_goal_async(
             SimulateSteps.Goal(steps=steps), feedback_callback=lambda message: told.append(message.feedback)
         )
         self.until(sent.done)
+        return sent, told
+
+    def simulate(self, steps, enough=lambda feedback: False):
+        """Send a goal, cancel it when feedback is enough; status, result and all feedback."""
+        sent, told = self.begin(steps)
         ended = sent.result().get_result_async()
         self.until(lambda: ended.done() or (told and enough(told[-1])))
         if not ended.done():
@@ -342,6 +349,33 @@ def test_a_world_is_loaded_by_name_or_text_and_left_stopped(start):
         user.until(lambda: user.time_of("node_top_1_1") > 0)
     finally:
         user.close()
+
+
+def test_steps_under_way_end_with_the_node_s_activity_and_do_not_keep_it_alive(start):
+    node, _ = start(with_user=False, scene="single_spring")
+    user = Operator(node.domain)
+    try:
+        user.until(lambda: user.set_state("paused") == Result.RESULT_OK, timeout=45.0)
+        asked = []
+
+        def deactivate(feedback):
+            if not asked:
+                asked.append(feedback)
+                assert user.change_state(Transition.TRANSITION_DEACTIVATE)
+                assert user.change_state(Transition.TRANSITION_CLEANUP)
+            return False
+
+        status, result, _ = user.simulate(2**40, enough=deactivate)
+        assert (status, result.result) == (GoalStatus.STATUS_ABORTED, Result.RESULT_INCORRECT_STATE)
+        assert "steps were taken" in result.error_message
+        assert user.change_state(Transition.TRANSITION_CONFIGURE)
+        assert user.change_state(Transition.TRANSITION_ACTIVATE)
+        assert user.set_state("paused") == Result.RESULT_OK
+        user.begin(2**40)
+        assert node.stop(signal.SIGINT) == 0
+    finally:
+        user.close()
+    assert "Traceback" not in node.output and "Exception" not in node.output
 
 
 def test_quitting_closes_the_bag_and_ends_the_process(start, tmp_path):

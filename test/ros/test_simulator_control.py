@@ -1,0 +1,82 @@
+"""State and reset of the standard simulator services when the simulation cannot go on, without a graph."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
+
+from fake_scene import RailScene  # noqa: E402
+from simulation_interfaces.msg import SimulationState  # noqa: E402
+from simulation_interfaces.srv import GetSimulationState, ResetSimulation, SetSimulationState  # noqa: E402
+
+from ldcs_ros.interface.twin import Twin  # noqa: E402
+from ldcs_ros.ros.pacing import AS_FAST_AS_POSSIBLE, Pacer  # noqa: E402
+from ldcs_ros.ros.runner import Runner  # noqa: E402
+from ldcs_ros.ros.simulator.answers import Refused  # noqa: E402
+from ldcs_ros.ros.simulator.control import Control  # noqa: E402
+
+
+@pytest.fixture
+def failed():
+    """A node's control whose simulation has diverged, and its scene."""
+    scene = RailScene(diverges_at=0.05)
+    runner = Runner(
+        Twin(scene, diagnostics=False),
+        Pacer(AS_FAST_AS_POSSIBLE, tolerance=0.02),
+        on_failure=lambda reason: None,
+        on_finish=lambda: None,
+        on_reset=lambda: None,
+    )
+    runner.start()
+    runner.call(runner.resume)
+    end = time.monotonic() + 5.0
+    while not runner.failure:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    yield (
+        Control(SimpleNamespace(finished=threading.Event(), runner=runner, active_runner=lambda: runner)),
+        scene,
+    )
+    runner.stop()
+
+
+def state_of(control):
+    response = GetSimulationState.Response()
+    control.get_state(None, response)
+    return response.state.state, response.result.error_message
+
+
+def set_state(control, state):
+    request = SetSimulationState.Request(state=SimulationState(state=state))
+    control.set_state(request, SetSimulationState.Response())
+
+
+def test_a_simulation_that_cannot_go_on_stands_and_says_why(failed):
+    control, _ = failed
+    state, why = state_of(control)
+    assert state == SimulationState.STATE_PAUSED
+    assert "diverged" in why
+
+
+def test_it_cannot_be_played_before_it_was_reset_or_stopped(failed):
+    control, scene = failed
+    with pytest.raises(Refused, match="call reset") as refusal:
+        set_state(control, SimulationState.STATE_PLAYING)
+    assert refusal.value.code == SetSimulationState.Response.STATE_TRANSITION_ERROR
+    scene.diverges_at = float("inf")
+    set_state(control, SimulationState.STATE_STOPPED)
+    assert state_of(control) == (SimulationState.STATE_STOPPED, "")
+    set_state(control, SimulationState.STATE_PLAYING)
+    assert state_of(control) == (SimulationState.STATE_PLAYING, "")
+
+
+def test_a_reset_lets_it_run_again(failed):
+    control, scene = failed
+    scene.diverges_at = float("inf")
+    control.reset(ResetSimulation.Request(), ResetSimulation.Response())
+    assert state_of(control) == (SimulationState.STATE_PLAYING, "")
