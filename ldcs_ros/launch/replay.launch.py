@@ -84,4 +84,7 @@ def _parameters(run: RunDescription) -> dict[str, Any]:
         "publish_rate": run.publish_rate,
         "tracker_rate": run.tracker_rate or 0.0,
         "ambient_pressure": run.ambient_pressure,
+        "publish_tf": run.publish_tf,
+        "frame_prefix": run.frame_prefix,
+        "record_detail": run.detail,
     }
