@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import traceback
 from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 
-from ldcs_ros.errors import LdcsError
 from ldcs_ros.interface.scene_source import scene_of
-from ldcs_ros.ros.runner import NotNow
+from ldcs_ros.ros.refusals import told
 from ldcs_ros.ros.scene_loader import SceneLoader
 
 
@@ -33,15 +31,9 @@ class SceneService:
         )
 
     async def _handle(self, request: Any, response: Any) -> Any:
-        try:
+        with told(self._node, response):
             twin, trouble = await self._loader.load(partial(scene_of, request.scene))
             title = twin.scene.title or twin.scene.name
             response.success, response.message = True, f"{title}; {trouble}" if trouble else str(title)
             response.effects = list(twin.simulation.effects)
-        except (NotNow, LdcsError) as error:
-            response.success, response.message = False, str(error)
-        except Exception as error:
-            # It would end the process; a mistake of ours must be seen, and the old scene goes on.
-            self._node.get_logger().error(traceback.format_exc())
-            response.success, response.message = False, f"failed: {error!r}"
         return response

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 
 from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import Trigger
 
-from ldcs_ros.errors import LdcsError
-from ldcs_ros.ros.runner import NotNow, Runner
+from ldcs_ros.ros.refusals import told
+from ldcs_ros.ros.runner import Runner
 
 
 class Services:
@@ -39,16 +38,10 @@ class Services:
         self, action: Callable[[Runner], str]
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def handle(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
+            with told(self._node, response):
                 runner = self._runner()
                 response.message = runner.call(lambda: action(runner))
                 response.success = True
-            except (NotNow, LdcsError) as error:
-                response.success, response.message = False, str(error)
-            except Exception as error:
-                # It would end the process; a mistake of ours must be seen, and the run goes on.
-                self._node.get_logger().error(traceback.format_exc())
-                response.success, response.message = False, f"failed: {error!r}"
             return response
 
         return handle

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from ldcs_ros.errors import LdcsError
-from ldcs_ros.ros.runner import NotNow, Runner
+from ldcs_ros.ros.refusals import told
+from ldcs_ros.ros.runner import Runner
 
 
 class WrenchService:
@@ -27,7 +26,7 @@ class WrenchService:
         node.create_service(service_type, "~/apply_wrench", self._handle)
 
     def _handle(self, request: Any, response: Any) -> Any:
-        try:
+        with told(self._node, response):
             runner = self._runner()
             wrench = {
                 "point": request.point,
@@ -39,12 +38,6 @@ class WrenchService:
             }
             response.message = runner.call(lambda: runner.twin.apply_wrench(**wrench))
             response.success = True
-        except (NotNow, LdcsError) as error:
-            response.success, response.message = False, str(error)
-        except Exception as error:
-            # It would end the process; a mistake of ours must be seen, and the run goes on.
-            self._node.get_logger().error(traceback.format_exc())
-            response.success, response.message = False, f"failed: {error!r}"
         return response
 
 
