@@ -53,15 +53,16 @@ class Session:
 
     Args:
         folder: Where log and bag go.
+        domain: ROS domain; None for one that no other test has at this time.
         parameters: Parameters of the node; `record` is a name in the folder.
     """
 
-    def __init__(self, folder: Path, **parameters):
+    def __init__(self, folder: Path, *, domain: int | None = None, **parameters):
         if parameters.get("record"):
             parameters["record"] = folder / parameters["record"]
         self.folder = folder
         self.bag = parameters.get("record")
-        self.domain = own_domain()
+        self.domain = own_domain() if domain is None else domain
         self.node = LiveNode(folder / "node.log", self.domain, **parameters)
         self.user = PlainUser(self.domain)
         self.user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")

@@ -39,6 +39,7 @@ def main() -> int:
     parser.add_argument("runs", nargs="+", choices=RUNS)
     parser.add_argument("--seconds", type=float, help="how long a soak, a flood or a fuzz lasts")
     parser.add_argument("--seed", type=int, default=7, help="seed of the fuzzer")
+    parser.add_argument("--no-replay", action="store_true", help="do not replay the bag of a soak")
     parser.add_argument("--keep", action="store_true", help="keep bags and logs in out/")
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="where the table goes")
     arguments = parser.parse_args()
@@ -58,6 +59,8 @@ def _one(name: str, arguments: argparse.Namespace) -> bool:
     options = {"seconds": arguments.seconds} if arguments.seconds and name in TIMED else {}
     if name == "fuzz":
         options["seed"] = arguments.seed
+    if name == "soak":
+        options["again"] = not arguments.no_replay
     began = time.monotonic()
     rows = import_module(RUNS[name]).rows(folder, _tell, **options)
     passed = all(row["kept"] for row in rows)
