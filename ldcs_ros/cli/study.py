@@ -105,7 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
     path = folder / "study.csv"
     if arguments.again:
         path.unlink(missing_ok=True)
-    _remember_machine(folder / "study_machine.json", here, begun=path.exists())
+    command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
+    commands = _remember_machine(folder / "study_machine.json", here, command, begun=path.exists())
     table, tasks = Table(path), PRESETS[arguments.preset]()
     had = {key_of(row) for row in table.rows}
     with (
@@ -116,8 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
     ):
         carry_out(tasks, table, submit, on_done=progress.show, on_begin=progress.say)
     draw(table.rows, folder / "work_precision.png")
-    command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
-    text = report(table.rows, machine=here, command=command, picture="work_precision.png")
+    text = report(table.rows, machine=here, commands=commands, picture="work_precision.png")
     (folder / "study.md").write_text(text, encoding="utf-8")
     failures = [row for row in table.rows if row.failure]
     kept, aims = promise_is_kept(table.rows), targets(table.rows)
@@ -172,10 +172,12 @@ def _place(arguments: argparse.Namespace) -> AbstractContextManager[Any]:
     return nullcontext(execute.in_this_process)
 
 
-def _remember_machine(path: Path, here: dict[str, str], *, begun: bool) -> None:
-    """Write what machine a study is from, or refuse to mix rows of two."""
+def _remember_machine(path: Path, here: dict[str, str], command: str, *, begun: bool) -> list[str]:
+    """Write what machine a study is from and what made it, or refuse to mix rows of two; return all its commands."""
+    commands: list[str] = []
     if begun and path.exists():
         there = json.loads(path.read_text(encoding="utf-8"))
+        commands = there.pop("commands", [])
         different = sorted(name for name in {*here, *there} if here.get(name) != there.get(name))
         if different:
             name = different[0]
@@ -184,8 +186,10 @@ def _remember_machine(path: Path, here: dict[str, str], *, begun: bool) -> None:
                 f"times of two "
                 f"machines or versions do not compare; choose another --output, or --again to measure anew"
             )
+    commands = list(dict.fromkeys([*commands, command]))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(here, indent=2) + "\n", encoding="utf-8")
+    path.write_text(json.dumps({**here, "commands": commands}, indent=2) + "\n", encoding="utf-8")
+    return commands
 
 
 def _jobs(text: str) -> int:

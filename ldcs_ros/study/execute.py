@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from importlib import import_module
@@ -14,13 +14,13 @@ from ldcs_ros.study.table import StudyError, Table
 from ldcs_ros.study.tasks import Row, Task, key_of, perform, reference
 
 # A call to carry out: (what to call, its arguments) -> iterator of (index, result) as they end.
-Submit = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
+Submit = Callable[[Callable[..., Any], list[tuple[Any, ...]]], Iterator[tuple[int, Any]]]
 # Kinds of tasks that give several rows each.
 MANY_ROWS = ("promise", "effect", "rate")
 
 
 def in_this_process(
-    function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+    function: Callable[..., Any], arguments: list[tuple[Any, ...]]
 ) -> Iterator[tuple[int, Any]]:
     """Call one after another: times are side by side, nothing else competes."""
     for index, given in enumerate(arguments):
@@ -36,7 +36,7 @@ def processes(count: int) -> Iterator[Submit]:
     with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
 
         def submit(
-            function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+            function: Callable[..., Any], arguments: list[tuple[Any, ...]]
         ) -> Iterator[tuple[int, Any]]:
             pending = {pool.submit(function, *given): index for index, given in enumerate(arguments)}
             for future in as_completed(pending):
@@ -76,7 +76,7 @@ def cluster(address: str) -> Iterator[Submit]:
     with client:
 
         def submit(
-            function: Callable[..., Any], arguments: Iterable[tuple[Any, ...]]
+            function: Callable[..., Any], arguments: list[tuple[Any, ...]]
         ) -> Iterator[tuple[int, Any]]:
             pending = {
                 client.submit(function, *given, pure=False): index for index, given in enumerate(arguments)
@@ -111,37 +111,47 @@ def carry_out(
     ]
     done = sum(task.weight for task in tasks) - sum(task.weight for task in left)
     on_done(done)
-    if submit is in_this_process:
-        # A problem's tasks one after the other: what an interruption loses is one reference at most.
-        first: dict[object, int] = {}
-        for place, task in enumerate(left):
-            first.setdefault(task.problem or task.key, place)
-        left.sort(key=lambda task: first[task.problem or task.key])
-    else:
-        # The long ones first: nobody waits for one process at the end.
-        left.sort(key=lambda task: -task.weight)
-    for index, rows in submit(perform, _calls(left, submit, on_begin or (lambda words: None))):
+    say = on_begin or (lambda words: None)
+    for task, rows in _one_by_one(left, say) if submit is in_this_process else _all_at_once(left, submit):
         table.add(rows)
-        done += left[index].weight
+        done += task.weight
         on_done(done)
 
 
-def _calls(
-    left: list[Task], submit: Submit, on_begin: Callable[[str], None]
-) -> Iterator[tuple[Task, np.ndarray | None]]:
-    """Give each task with its reference, which is made here when it is needed, or elsewhere before all of them."""
+def _one_by_one(left: list[Task], say: Callable[[str], None]) -> Iterator[tuple[Task, list[Row]]]:
+    """Carry tasks out here, those of a problem one after the other: an interruption loses one reference at most."""
+    first: dict[object, int] = {}
+    for place, task in enumerate(left):
+        first.setdefault(task.problem or task.key, place)
     known: dict[tuple[str, int], np.ndarray] = {}
-    if submit is not in_this_process:
-        wanted = {task.problem for task in left if task.problem is not None}
-        problems = sorted(wanted, key=lambda problem: -problem[1])
-        for index, course in submit(reference, list(problems)):
-            known[problems[index]] = course
-    for task in left:
+    for task in sorted(left, key=lambda task: first[task.problem or task.key]):
         if task.problem is not None and task.problem not in known:
-            on_begin(f"reference of {task.scene} {task.nodes} x {task.nodes}")
+            say(f"reference of {task.scene} {task.nodes} x {task.nodes}")
             known[task.problem] = reference(*task.problem)
-        on_begin(f"{task.method} on {task.scene} {task.nodes} x {task.nodes}" if task.nodes else task.scene)
-        yield task, known[task.problem] if task.problem is not None else None
+        say(f"{task.method} on {task.scene} {task.nodes} x {task.nodes}" if task.nodes else task.scene)
+        yield task, perform(task, known[task.problem] if task.problem is not None else None)
+
+
+def _all_at_once(left: list[Task], submit: Submit) -> Iterator[tuple[Task, list[Row]]]:
+    """Carry tasks out elsewhere, long ones first: references and what needs none, then what needs a reference."""
+    left = sorted(left, key=lambda task: -task.weight)
+    wanted = {task.problem for task in left if task.problem is not None}
+    problems = sorted(wanted, key=lambda problem: -problem[1])
+    free = [task for task in left if task.problem is None]
+    known: dict[tuple[str, int], np.ndarray] = {}
+    calls = [(problem, None) for problem in problems] + [(None, task) for task in free]
+    for index, result in submit(_reference_or_rows, calls):
+        if index < len(problems):
+            known[problems[index]] = result
+        else:
+            yield free[index - len(problems)], result
+    bound = [task for task in left if task.problem is not None]
+    for index, rows in submit(perform, [(task, known[task.problem]) for task in bound if task.problem]):
+        yield bound[index], rows
+
+
+def _reference_or_rows(problem: tuple[str, int] | None, task: Task | None) -> Any:
+    return perform(task) if task is not None else reference(*problem) if problem is not None else None
 
 
 def _group(measured: Task | Row) -> tuple[str, str, str]:

@@ -17,22 +17,22 @@ from ldcs_ros.study.targets import PROMISED_FACTOR, PROMISED_SHARE, promised
 from ldcs_ros.study.tasks import BASELINE, METHODS_APART, Row
 
 
-def report(rows: Sequence[Row], *, machine: dict[str, str], command: str, picture: str) -> str:
+def report(rows: Sequence[Row], *, machine: dict[str, str], commands: Sequence[str], picture: str) -> str:
     """Return the whole study as Markdown.
 
     Args:
         rows: The study's rows.
         machine: Hardware and versions.
-        command: What made it.
+        commands: What made it, in that order.
         picture: Path of the diagram, relative to the text.
     """
     parts = [
         "# What accuracy costs in time",
-        f"Made by `{command}`, with everything in one process on one thread side by side unless it says "
-        f"`--jobs`; the numbers "
-        f"are in `study.csv`. CPU time is the best of several runs, so ratios mean more than times. The error "
-        f"is the largest "
-        f"distance of any node coordinate from a reference (`esdirk43` at 1e-9 m) at t = 0.5, 1, 2 and 3 s.",
+        f"Made by {' and then '.join(f'`{command}`' for command in commands)}, with everything in one process on one "
+        f"thread side by side unless it says `--jobs`; the numbers are in `study.csv`. CPU time is the best of "
+        f"several runs, so ratios mean more than times. The error is the largest distance of any node coordinate "
+        f"from a reference (`esdirk43` at 1e-9 m; 1e-7 m for 65 x 65, 1e-6 m for 129 x 129) at t = 0.5, 1, 2 and 3 "
+        f"s, of 129 x 129 at 0.5 s only, where its runs end.",
         table(("", ""), [(name, value) for name, value in machine.items()]),
         "## Recommendation",
         recommendation(rows),

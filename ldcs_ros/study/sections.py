@@ -129,11 +129,12 @@ def measured_orders(rows: Sequence[Row]) -> list[str]:
         text += f" Below their order for non-stiff problems: {', '.join(drops)}."
     if any(drop.startswith("`rosenbrock_w`") for drop in drops):
         text += (
-            " A Rosenbrock method reaches its order where h times the fastest rate is small; here it is some hundreds. "
-            "On such problems its stages are of first order only, and with driven edges, whose course enters the stages "
-            "at their own times, the order falls to between 2 and 2.5 (Lubich and Ostermann, Linearly implicit time "
-            "discretization of non-linear parabolic equations, IMA J. Numer. Anal. 15, 1995, show the same for "
-            "parabolic equations). That, not the cost of a step, is why it loses to the ESDIRK methods below 1e-4 m."
+            " A Rosenbrock method reaches its order where h times the fastest rate is small; here it is some "
+            "hundreds. On such problems its stages are of first order only, and with driven edges, whose course "
+            "enters the stages at their own times, the order falls to between 2 and 2.5 (Lubich and Ostermann, "
+            "Linearly implicit time discretization of non-linear parabolic equations, IMA J. Numer. Anal. 15, "
+            "1995, show the same for parabolic equations). That, not the cost of a step, is why it loses to the "
+            "ESDIRK methods below 1e-4 m."
         )
     return [text, table(("method", "order", "measured", "between steps"), lines)]
 

@@ -60,6 +60,7 @@ def test_each_command_is_sent_at_its_time_and_held():
     assert simulation.inputs.torque[0, 0] == pytest.approx(course.at(0.2))
 
 
+@pytest.mark.timeout(240)  # a busy machine compiles for long
 @pytest.mark.skipif(not HAVE_NUMBA, reason="without numba there is no compiled baseline")
 def test_a_rate_gives_rows_of_all_solvers_with_their_errors(monkeypatch):
     monkeypatch.setattr(command_rates, "TIMES", SHORT)

@@ -35,6 +35,7 @@ def curve(method, error, cpu, *, scene="arc", nodes=9, failure=""):
     return Row("curve", scene, nodes, method, "accuracy", error, error=error, cpu=cpu, failure=failure)
 
 
+@pytest.mark.timeout(240)  # a busy machine compiles for long
 @pytest.mark.skipif(not HAVE_NUMBA, reason="without numba the compiled baseline is plain Python")
 def test_the_compiled_baseline_solves_the_same_problem_to_second_order(truth):
     errors = [np.abs(ArcBaseline(9, h, 7.1e4).run(SHORT) - truth).max() for h in (0.02, 0.005)]
@@ -114,7 +115,10 @@ def test_the_report_tells_targets_and_failures():
         curve("esdirk43", 1e-6, 0.02),
         curve("rk4", math.nan, 9.0, failure="too slow: 9 CPU s per simulated second"),
     ]
-    text = report(rows, machine={"processor": "a"}, command="ldcs study", picture="x.png")
+    text = report(
+        rows, machine={"processor": "a"}, commands=["ldcs study --targets", "ldcs study"], picture="x.png"
+    )
+    assert "Made by `ldcs study --targets` and then `ldcs study`, with" in text
     assert "| >= 100 x real time | 50 x" in text and "**MISSED**" in text
     assert "| `rk4` | accuracy nan | too slow" in text
 

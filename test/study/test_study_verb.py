@@ -11,7 +11,7 @@ from PIL import Image
 
 from ldcs_ros.cli.main import main
 from ldcs_ros.study import diagram, execute, plan, report
-from ldcs_ros.study.tasks import Task
+from ldcs_ros.study.tasks import Row, Task
 
 TASKS = [
     Task("curve", "single_spring", 2, name, "accuracy", value, 1)
@@ -109,3 +109,28 @@ def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
 def test_processes_give_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--jobs", "2")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
+
+
+def test_targets_are_printed_and_a_missed_one_is_a_failed_check(undrawn, capsys, tmp_path, monkeypatch):
+    fast, slow = (
+        Row("curve", "arc", 9, "esdirk43", "accuracy", 1e-5, error=1e-6, cpu=cpu) for cpu in (0.004, 0.4)
+    )
+    asked = Task("curve", "arc", 9, "esdirk43", "accuracy", 1e-5)
+    monkeypatch.setitem(plan.PRESETS, "targets", lambda: [asked])
+    monkeypatch.setattr(execute, "reference", lambda *problem: None)
+    for row, status, verdict in ((fast, 0, "kept  "), (slow, 1, "MISSED")):
+        monkeypatch.setattr(execute, "perform", lambda task, known, row=row: [row])
+        assert main(["study", "--targets", "--again", "-o", str(tmp_path)]) == status
+        printed = capsys.readouterr().out
+        assert f"{verdict}  arc 9 x 9, error <= 1e-05 m: >= 100 x real time" in printed
+    assert "**MISSED**" in (tmp_path / "study.md").read_text()
+
+
+def test_a_report_names_every_command_that_made_it(undrawn, capsys, tmp_path):
+    study(capsys, tmp_path)
+    study(capsys, tmp_path, "--jobs", "2")
+    study(capsys, tmp_path, "--jobs", "2")
+    assert (
+        "Made by `ldcs study --quick` and then `ldcs study --quick --jobs 2`, with"
+        in (tmp_path / "study.md").read_text()
+    )
