@@ -12,6 +12,19 @@ class CommandLineError(LdcsError, ValueError):
     """The command line itself cannot be understood."""
 
 
+def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what pictures are written as."""
+    parser.add_argument(
+        "--format", choices=("png", "pdf", "svg"), default="png", help="format of the pictures; png"
+    )
+    parser.add_argument(
+        "--width",
+        choices=("screen", "column", "page"),
+        default="screen",
+        help="for print: one column (88 mm) or a whole page (180 mm), without headings; screen",
+    )
+
+
 def seconds(text: str) -> float:
     """A duration in seconds, above zero and finite."""
     return _positive(text, what="duration", unit="s")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ldcs_ros.cli.arguments import instant
+from ldcs_ros.cli.arguments import add_picture_arguments, instant
 from ldcs_ros.cli.output import Progress, print_json
 
 DESCRIPTION = """\
@@ -13,7 +13,8 @@ Draw a bag: surface.png (the sheet in 3D at chosen times), points.png (displacem
 time), drives.png (pressures, torques, joint angles) where there are arms, and with --animate the motion."""
 EXAMPLE = """\
 ldcs plot out/paper
-  ldcs plot out/paper --times 0 0.2 3 -o pictures --animate gif"""
+  ldcs plot out/paper --times 0 0.2 3 -o pictures --animate gif
+  ldcs plot out/paper --format pdf --width column"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,12 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="times of the surfaces [s]; chosen by the motion if not given",
     )
+    add_picture_arguments(parser)
     parser.add_argument("--animate", choices=("gif", "mp4"), help="draw the motion too (mp4 needs ffmpeg)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the pictures and print their paths; exit status 0."""
     from ldcs_ros.plotting.pictures import draw
+    from ldcs_ros.plotting.style import LOOKS
     from ldcs_ros.recording import read_bag
 
     recording = read_bag(arguments.bag)
@@ -45,6 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
             folder,
             times=arguments.times,
             animate=arguments.animate,
+            kind=arguments.format,
+            look=LOOKS[arguments.width],
             progress=lambda done, total: bar.show(done / total),
         )
     if arguments.json:

@@ -19,16 +19,16 @@ def write_report(comparison: Comparison, folder: Path) -> list[Path]:
     """
     from ldcs_ros.compare.pictures import channels_figure
     from ldcs_ros.compare.surface_picture import surface_figure
-    from ldcs_ros.plotting.style import save_png
+    from ldcs_ros.plotting.style import save_figure
 
     folder.mkdir(parents=True, exist_ok=True)
     pictures = []
     channels = channels_figure(comparison)
     if channels is not None:
-        pictures.append(save_png(channels, folder / "compare.png"))
+        pictures.append(save_figure(channels, folder / "compare.png"))
     if comparison.surface is not None:
         figure = surface_figure(comparison.surface, comparison.a.name, comparison.b.name)
-        pictures.append(save_png(figure, folder / "surface_error.png"))
+        pictures.append(save_figure(figure, folder / "surface_error.png"))
     partial = folder / f".{REPORT}.partial"
     partial.write_text(markdown(comparison, [path.name for path in pictures]), encoding="utf-8")
     os.replace(partial, folder / REPORT)

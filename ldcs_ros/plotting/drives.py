@@ -9,14 +9,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ldcs_ros.plotting.style import LABEL_SIZE, LINE_COLOURS, SOFT_INK, dress, heading, new_figure
+from ldcs_ros.plotting.style import LINE_COLOURS, SCREEN, SOFT_INK, Look, dress, heading, new_figure
 from ldcs_ros.plotting.tracks import Track
 
 KPA = 1e-3
 
 
 def drives_figure(
-    pressures: Mapping[str, Track], joints: tuple[tuple[str, ...], Track, Track] | None, *, title: str
+    pressures: Mapping[str, Track],
+    joints: tuple[tuple[str, ...], Track, Track] | None,
+    *,
+    title: str,
+    look: Look = SCREEN,
 ) -> Figure | None:
     """Draw pressures, joint torques and joint angles, a panel each; None if nothing drives the sheet.
 
@@ -24,21 +28,29 @@ def drives_figure(
         pressures: Absolute pressures [Pa], shape (n,), by arm.
         joints: Joint names, angles [rad] and torques [N m], shape (n, n_joints) each.
         title: Heading of the figure.
+        look: Sizes.
     """
     panels: list[tuple[str, dict[str, Track]]] = []
     if pressures:
         scaled = {name: Track(track.time, KPA * track.value) for name, track in pressures.items()}
-        panels.append(("pressure [kPa, absolute]", scaled))
+        panels.append(("pressure [kPa abs.]", scaled))
     if joints:
         names, angle, torque = joints
         panels.append(("drive torque [N m]", _columns(names, torque, 1.0)))
         panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
     if not panels:
         return None
-    height = 2.3 * len(panels) + 0.8
-    figure = new_figure(6.8, height)
+    foot, head = look.inches(3.8), look.inches(3.8 if look.headed else 0.8)
+    height = 0.92 * look.row * len(panels) + (0.8 if look.headed else foot + head)
+    figure = new_figure(look.width, height)
     grid = figure.add_gridspec(
-        len(panels), 1, left=0.11, right=0.79, bottom=0.5 / height, top=1.0 - 0.5 / height, hspace=0.16
+        len(panels),
+        1,
+        left=look.inches(5.67) / look.width,
+        right=1.0 - look.inches(10.8) / look.width,
+        bottom=foot / height,
+        top=1.0 - head / height,
+        hspace=0.16,
     )
     shared: Axes | None = None
     for number, (label, lines) in enumerate(panels):
@@ -50,10 +62,10 @@ def drives_figure(
                 track.time,
                 track.value,
                 label=_label(group, lines),
-                linewidth=1.6,
+                linewidth=1.6 * look.scale,
                 **_line_style(group[0], lines),
             )
-        dress(axes, x_label="time [s]" if last else "", y_label=label)
+        dress(axes, x_label="time [s]" if last else "", y_label=label, look=look)
         axes.tick_params(labelbottom=last)
         axes.margins(x=0.0, y=0.1)
         if not label.startswith("pressure"):
@@ -62,10 +74,11 @@ def drives_figure(
             loc="center left",
             bbox_to_anchor=(1.01, 0.5),
             frameon=False,
-            fontsize=LABEL_SIZE - 1.0,
+            fontsize=look.label - 1.0,
             labelspacing=0.35,
+            handlelength=2.0 * look.scale,
         )
-    heading(figure, title)
+    heading(figure, title, look=look)
     return figure
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting.drives import drives_figure
 from ldcs_ros.plotting.motion import check_kind, save_motion
 from ldcs_ros.plotting.points import points_figure
-from ldcs_ros.plotting.style import save_png
+from ldcs_ros.plotting.style import SCREEN, Look, save_figure
 from ldcs_ros.plotting.subject import subject_of
 from ldcs_ros.plotting.surface import surface_figure
 from ldcs_ros.plotting.tracks import (
@@ -32,6 +33,8 @@ def draw(
     *,
     times: Sequence[float] | None = None,
     animate: str | None = None,
+    kind: str = "png",
+    look: Look = SCREEN,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Write the pictures of a recording into a folder and return their paths.
@@ -44,6 +47,8 @@ def draw(
         folder: Where to; made if needed.
         times: Times of the surfaces [s]; None picks times that tell the motion.
         animate: 'gif', 'mp4' or None.
+        kind: Format of the others: 'png', 'pdf', 'svg'.
+        look: Their sizes, for a screen or for print.
         progress: Called with (pictures drawn, pictures in all) of the moving picture.
 
     Raises:
@@ -58,14 +63,20 @@ def draw(
     folder.mkdir(parents=True, exist_ok=True)
     positions = [track.position(index) for index in indices]
     stamps = [float(track.time[index]) for index in indices]
-    written = [save_png(surface_figure(positions, stamps, subject), folder / "surface.png")]
+
+    def save(figure: Figure, name: str) -> Path:
+        return save_figure(figure, folder / f"{name}.{kind}", look)
+
+    written = [save(surface_figure(positions, stamps, subject, look), "surface")]
     truth, measured = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
     if truth or measured:
-        figure = points_figure(truth, measured, subject.point_rest, title=subject.title)
-        written.append(save_png(figure, folder / "points.png"))
-    drives = drives_figure(pressure_tracks(recording), joint_tracks(recording), title=subject.title)
+        figure = points_figure(truth, measured, subject.point_rest, title=subject.title, look=look)
+        written.append(save(figure, "points"))
+    drives = drives_figure(
+        pressure_tracks(recording), joint_tracks(recording), title=subject.title, look=look
+    )
     if drives is not None:
-        written.append(save_png(drives, folder / "drives.png"))
+        written.append(save(drives, "drives"))
     if animate is not None:
         written.append(save_motion(track, subject, folder / f"motion.{animate}", progress=progress))
     return written

@@ -8,14 +8,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ldcs_ros.plotting.style import AXIS_COLOURS, SOFT_INK, dress, heading, label_line_ends, new_figure
+from ldcs_ros.plotting.style import (
+    AXIS_COLOURS,
+    SCREEN,
+    SOFT_INK,
+    Look,
+    dress,
+    heading,
+    label_line_ends,
+    new_figure,
+)
 from ldcs_ros.plotting.tracks import Track
 
 MM = 1e3
 
 
 def points_figure(
-    truth: Mapping[str, Track], measured: Mapping[str, Track], rest: Mapping[str, np.ndarray], *, title: str
+    truth: Mapping[str, Track],
+    measured: Mapping[str, Track],
+    rest: Mapping[str, np.ndarray],
+    *,
+    title: str,
+    look: Look = SCREEN,
 ) -> Figure:
     """Draw one panel a point with its displacement along x, y and z.
 
@@ -24,17 +38,19 @@ def points_figure(
         measured: Positions as the tracker reports them [m], shape (n, 3), by point.
         rest: Rest positions [m], shape (3,), by point; without one, a point's first position.
         title: Heading of the figure.
+        look: Sizes.
     """
     names = sorted({*truth, *measured})
-    height = 2.5 * len(names) + 0.8
-    figure = new_figure(6.8, height)
+    foot, head = look.inches(3.8), look.inches(5.7 if look.headed else 1.8)
+    height = look.row * len(names) + (0.8 if look.headed else foot + head)
+    figure = new_figure(look.width, height)
     grid = figure.add_gridspec(
         max(len(names), 1),
         1,
-        left=0.11,
-        right=0.86,
-        bottom=0.5 / height,
-        top=1.0 - 0.75 / height,
+        left=look.inches(5.67) / look.width,
+        right=1.0 - look.inches(7.2) / look.width,
+        bottom=foot / height,
+        top=1.0 - head / height,
         hspace=0.25,
     )
     shared: Axes | None = None
@@ -42,33 +58,35 @@ def points_figure(
         axes = figure.add_subplot(grid[number], sharex=shared)
         shared = shared or axes
         origin = rest.get(name, (truth if name in truth else measured)[name].first)
-        _draw(axes, truth.get(name), measured.get(name), origin)
+        _draw(axes, truth.get(name), measured.get(name), origin, look)
         last = number == len(names) - 1
-        dress(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name)
+        dress(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name, look=look)
         axes.tick_params(labelbottom=last)
     note = "lines: the state   dots: what the tracker reports" if truth and measured else ""
-    heading(figure, title, note)
+    heading(figure, title, note, look)
     return figure
 
 
-def _draw(axes: Axes, truth: Track | None, measured: Track | None, origin: np.ndarray) -> None:
+def _draw(axes: Axes, truth: Track | None, measured: Track | None, origin: np.ndarray, look: Look) -> None:
     labels = []
     for which, (axis, colour) in enumerate(AXIS_COLOURS.items()):
         end = 0.0
         if measured is not None:
             moved = MM * (measured.value[:, which] - origin[which])
-            axes.plot(measured.time, moved, ".", color=colour, markersize=2.2, alpha=0.35, zorder=1.5)
+            axes.plot(
+                measured.time, moved, ".", color=colour, markersize=2.2 * look.scale, alpha=0.35, zorder=1.5
+            )
             end = float(moved[-1])
         if truth is not None:
             moved = MM * (truth.value[:, which] - origin[which])
             # A line through a single moment would not show.
             marker = "o" if len(moved) == 1 else ""
-            axes.plot(truth.time, moved, color=colour, linewidth=1.7, marker=marker)
+            axes.plot(truth.time, moved, color=colour, linewidth=1.7 * look.scale, marker=marker)
             end = float(moved[-1])
         labels.append((end, f"{axis}  {_signed(end)} mm", colour))
     axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
     axes.margins(x=0.0, y=0.08)
-    label_line_ends(axes, labels)
+    label_line_ends(axes, labels, look=look)
 
 
 def _signed(value: float) -> str:

@@ -1,13 +1,14 @@
-"""One look for all pictures: colours, fonts, and how a figure is made and saved without pyplot's state."""
+"""The look of all pictures: colours, fonts, sizes for screen and print, and how a figure is made and saved."""
 
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
@@ -28,6 +29,43 @@ LABEL_SIZE = 9.5
 TICK_SIZE = 8.5
 
 
+@dataclass(frozen=True)
+class Look:
+    """Sizes that belong together.
+
+    Attributes:
+        width: Width of a picture of curves [inch].
+        row: Height of one of its panels [inch].
+        title: Size of titles [pt].
+        label: Size of labels [pt].
+        tick: Size of the numbers at the axes [pt].
+        scale: Factor of the thickness of lines and the size of dots.
+        headed: A heading says what is shown; in print the caption does.
+    """
+
+    width: float
+    row: float
+    title: float
+    label: float
+    tick: float
+    scale: float
+    headed: bool
+
+    def inches(self, lines: float) -> float:
+        """Return the height of so many lines of labels, or the width of twice as many letters [inch]."""
+        return lines * self.label / 72.0
+
+
+SCREEN = Look(6.8, 2.5, TITLE_SIZE, LABEL_SIZE, TICK_SIZE, 1.0, True)
+# One column and the full width of a page of two, 88 and 180 mm, as most journals have them.
+COLUMN = Look(3.46, 1.35, 8.0, 7.5, 7.0, 0.65, False)
+PAGE = Look(7.09, 1.6, 8.0, 7.5, 7.0, 0.65, False)
+LOOKS = {"screen": SCREEN, "column": COLUMN, "page": PAGE}
+FORMATS = ("png", "pdf", "svg")
+_PRINT_DPI = 600
+_NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+
+
 def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
     """Return an empty figure of a size in inches, drawn by Agg."""
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
@@ -35,22 +73,27 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
     return figure
 
 
-def dress(axes: Axes, *, x_label: str, y_label: str, title: str = "") -> None:
+def dress(axes: Axes, *, x_label: str, y_label: str, title: str = "", look: Look = SCREEN) -> None:
     """Give flat axes the common look: two spines, a light grid behind the lines, labels with units."""
-    axes.set_title(title, fontsize=TITLE_SIZE, color=INK, loc="left", fontweight="bold")
-    axes.set_xlabel(x_label, fontsize=LABEL_SIZE, color=INK)
-    axes.set_ylabel(y_label, fontsize=LABEL_SIZE, color=INK)
-    axes.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK)
+    pad: dict[str, Any] = {} if look.headed else {"pad": 3.0}
+    axes.set_title(title, fontsize=look.title, color=INK, loc="left", fontweight="bold", **pad)
+    axes.set_xlabel(x_label, fontsize=look.label, color=INK)
+    axes.set_ylabel(y_label, fontsize=look.label, color=INK)
+    axes.tick_params(labelsize=look.tick, colors=SOFT_INK, length=3.5 * look.scale)
     axes.set_axisbelow(True)
     axes.grid(True, color=GRID, linewidth=0.7)
+    for spine in axes.spines.values():
+        spine.set_linewidth(0.8 * look.scale)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color(SOFT_INK)
 
 
-def heading(figure: Figure, title: str, note: str = "") -> None:
-    """Write the figure's title at its upper left, and a note in small print under it."""
+def heading(figure: Figure, title: str, note: str = "", look: Look = SCREEN) -> None:
+    """Write the figure's title at its upper left, and a note in small print under it; nothing in print."""
+    if not look.headed:
+        return
     height = figure.get_figheight()
     left = 0.15 / figure.get_figwidth()
     # A bold letter is about 0.66 of its size wide, and a point is 1/72 inch: a long title is written smaller.
@@ -60,14 +103,15 @@ def heading(figure: Figure, title: str, note: str = "") -> None:
     figure.text(left, 1.0 - 0.34 / height, note, fontsize=TICK_SIZE, color=SOFT_INK, va="top")
 
 
-def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, gap: float = 0.075) -> None:
+def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, look: Look = SCREEN) -> None:
     """Write each line's name and last value to the right of the axes, pushed apart so that none overlap.
 
     Args:
         axes: Axes whose limits are final.
         labels: (height in data units, text, colour) of each line.
-        gap: Smallest distance of two labels, as a share of the axes' height.
+        look: Sizes; they say how far apart two labels are at least.
     """
+    gap = 1.25 * look.inches(1.0) / (axes.bbox.height / axes.figure.dpi)
     low, high = axes.get_ylim()
     placed: list[float] = []
     for height, text, colour in sorted(labels, key=lambda label: label[0]):
@@ -80,17 +124,25 @@ def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, gap: fl
             text,
             transform=axes.transAxes,
             color=colour,
-            fontsize=LABEL_SIZE,
+            fontsize=look.label,
             va="center",
             ha="left",
         )
 
 
-def save_png(figure: Figure, path: Path) -> Path:
-    """Write a figure; the file appears whole or not at all."""
+def save_figure(figure: Figure, path: Path, look: Look = SCREEN) -> Path:
+    """Write a figure in the format of its ending; the file appears whole or not at all.
+
+    Vector files hold real fonts, as publishers ask for, and no date: the same bag gives the same file.
+    """
+    kind = path.suffix[1:]
     partial = path.with_name(f".{path.name}.partial")
+    options: dict[str, Any] = {"metadata": _NO_DATE[kind]} if kind in _NO_DATE else {}
+    if not look.headed:
+        options["dpi"] = _PRINT_DPI
     try:
-        figure.savefig(partial, format="png", facecolor="white")
+        with rc_context({"pdf.fonttype": 42, "svg.hashsalt": "ldcs"}):
+            figure.savefig(partial, format=kind, facecolor="white", **options)
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

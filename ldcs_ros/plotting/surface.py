@@ -19,11 +19,11 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from ldcs_ros.plotting.style import (
     GRID,
     INK,
-    LABEL_SIZE,
     LOAD_COLOUR,
+    SCREEN,
     SOFT_INK,
     SURFACE_MAP,
-    TICK_SIZE,
+    Look,
     heading,
     new_figure,
 )
@@ -62,61 +62,86 @@ def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> Frame:
     return Frame(low, high, Normalize(0.0, largest))
 
 
-def surface_figure(positions: Sequence[np.ndarray], times: Sequence[float], subject: Subject) -> Figure:
+def surface_figure(
+    positions: Sequence[np.ndarray], times: Sequence[float], subject: Subject, look: Look = SCREEN
+) -> Figure:
     """Draw the sheet at several times with common axes and colours.
 
     Args:
         positions: Node positions [m], shape (2, nx, ny, 3) each.
         times: Their times [s].
         subject: What the scene says about the system.
+        look: Sizes.
     """
     count = len(positions)
-    columns = count if count <= 3 else math.ceil(count / math.ceil(count / 4))
-    rows = math.ceil(count / columns)
     large = count == 1
-    width, height = (6.3, 4.9) if large else (3.5, 2.9)  # inches of one panel
-    key, head = 0.95, 0.5 if large else 0.4  # inches of the colour key at the right and of the heading
-    figure = new_figure(width * columns + key, height * rows + head)
+    columns = _columns(count, look)
+    rows = math.ceil(count / columns)
+    # Inches of one panel, of the colour key at the right and of the heading.
+    if look.headed:
+        width, height = (6.3, 4.9) if large else (3.5, 2.9)
+        key, head, margin = 0.95, 0.5 if large else 0.4, 0.0
+    else:
+        key, head, margin = look.inches(6.2), look.inches(0.5), look.inches(0.7)
+        width = (look.width - key - margin) / columns
+        height = (0.78 if large else 0.83) * width
+    figure = new_figure(margin + width * columns + key, height * rows + head)
     whole_width, whole_height = figure.get_size_inches()
     frame = common_frame(positions, subject.rest)
     for number, (position, time) in enumerate(zip(positions, times, strict=True)):
         row, column = divmod(number, columns)
         bottom = whole_height - head - (row + 1) * height + _LIFT * height
         box = (
-            column * width / whole_width,
+            (margin + column * width) / whole_width,
             bottom / whole_height,
             width / whole_width,
             height / whole_height,
         )
         axes: Any = figure.add_axes(box, projection="3d", computed_zorder=False)
-        draw_surface(axes, position, subject, frame, large=large)
-        if not large:
-            stamp: dict[str, Any] = {"fontsize": LABEL_SIZE, "color": INK, "ha": "center", "va": "top"}
-            figure.text(box[0] + 0.5 * box[2], box[1] + 0.93 * box[3], f"t = {time:.2f} s", **stamp)
-    heading(figure, subject.title, f"t = {times[0]:.2f} s" if large else "")
+        axes.patch.set_visible(False)  # it would cover the labels of the panel above
+        draw_surface(axes, position, subject, frame, large=large, look=look)
+        if not large or not look.headed:
+            stamp: dict[str, Any] = {"fontsize": look.label, "color": INK, "ha": "center", "va": "top"}
+            letter = f"({chr(ord('a') + number)})  " if count > 1 and not look.headed else ""
+            top = min(box[1] + 0.93 * box[3], 1.0 - look.inches(0.3) / whole_height)
+            place = (box[0] + 0.5 * box[2], top)
+            figure.text(*place, f"{letter}t = {time:.2f} s", **stamp)
+    heading(figure, subject.title, f"t = {times[0]:.2f} s" if large else "", look)
     tall = min(2.6, 0.6 * height * rows)
-    left, bottom = (whole_width - key + 0.12) / whole_width, 0.5 * (whole_height - head - tall) / whole_height
-    add_colour_bar(figure, figure.add_axes((left, bottom, 0.13 / whole_width, tall / whole_height)), frame)
+    left, bottom = (
+        (whole_width - key + look.inches(0.9)) / whole_width,
+        0.5 * (whole_height - head - tall) / whole_height,
+    )
+    place_of_key = figure.add_axes((left, bottom, look.inches(1.0) / whole_width, tall / whole_height))
+    add_colour_bar(figure, place_of_key, frame, look)
     return figure
 
 
-def add_colour_bar(figure: Figure, axes: Any, frame: Frame) -> None:
+def _columns(count: int, look: Look) -> int:
+    """Return how many panels stand beside each other, so that rows are full and letters can be read."""
+    most = 4 if look.headed or look.width > 5.0 else 2
+    return count if count <= min(most, 3) else math.ceil(count / math.ceil(count / most))
+
+
+def add_colour_bar(figure: Figure, axes: Any, frame: Frame, look: Look = SCREEN) -> None:
     """Draw the key of the colours."""
     bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
-    bar.set_label("displacement [mm]", fontsize=LABEL_SIZE, color=INK)
-    bar.ax.tick_params(labelsize=TICK_SIZE, colors=SOFT_INK, length=2)
+    bar.set_label("displacement [mm]", fontsize=look.label, color=INK)
+    bar.ax.tick_params(labelsize=look.tick, colors=SOFT_INK, length=2)
     bar.outline.set_visible(False)
 
 
-def draw_surface(axes: Axes3D, position: np.ndarray, subject: Subject, frame: Frame, *, large: bool) -> None:
+def draw_surface(
+    axes: Axes3D, position: np.ndarray, subject: Subject, frame: Frame, *, large: bool, look: Look = SCREEN
+) -> None:
     """Draw one state of the sheet [m], shape (2, nx, ny, 3), into 3D axes."""
     place = MM * position
     moved = np.linalg.norm(MM * (position - subject.rest), axis=-1)
     _draw_shadow(axes, place[0], floor=float(frame.low[2]))
-    _draw_sheet(axes, place, moved, frame.scale)
-    _draw_arms(axes, place, subject.driven, large=large)
-    _draw_loads(axes, place, subject, large=large)
-    _dress(axes, frame, large=large)
+    _draw_sheet(axes, place, moved, frame.scale, look)
+    _draw_arms(axes, place, subject.driven, large=large, look=look)
+    _draw_loads(axes, place, subject, large=large, look=look)
+    _dress(axes, frame, large=large, look=look)
 
 
 def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
@@ -125,7 +150,7 @@ def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
     axes.add_collection3d(Poly3DCollection(_quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
 
 
-def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Normalize) -> None:
+def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Normalize, look: Look) -> None:
     bottom, top = place
     polygons: list[np.ndarray] = []
     faces: list[Any] = []
@@ -149,7 +174,12 @@ def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Norma
     # One collection, so that matplotlib sorts layers and walls by depth together.
     axes.add_collection3d(
         Poly3DCollection(
-            polygons, facecolors=faces, edgecolors=edges, linewidths=0.5, zorder=2, zsort="average"
+            polygons,
+            facecolors=faces,
+            edgecolors=edges,
+            linewidths=0.5 * look.scale,
+            zorder=2,
+            zsort="average",
         )
     )
 
@@ -177,52 +207,68 @@ def _shade(quads: np.ndarray) -> np.ndarray:
     return shade
 
 
-def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool) -> None:
+def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool, look: Look) -> None:
     # Lines over everything: the far arm would vanish behind the sheet's rim.
     style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
     for row in rows:
         x, y, z = place[:, :, row].mean(axis=0).T
-        axes.plot(x, y, z, color="black", linewidth=4.0 if large else 2.4, **style)
+        axes.plot(x, y, z, color="black", linewidth=(4.0 if large else 2.4) * look.scale, **style)
 
 
-def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool) -> None:
-    halo = [withStroke(linewidth=2.5, foreground="white")]
+def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool, look: Look) -> None:
+    halo = [withStroke(linewidth=2.5 * look.scale, foreground="white")]
     for load in subject.loads:
         spot = load.point.position(place.reshape(-1, 3))
-        dot = {"s": 75 if large else 34, "edgecolors": "white", "linewidths": 0.9, "depthshade": False}
+        dot = {
+            "s": (75 if large else 34) * look.scale**2,
+            "edgecolors": "white",
+            "linewidths": 0.9 * look.scale,
+            "depthshade": False,
+        }
         axes.scatter(*spot, color=LOAD_COLOUR, zorder=5, **dot)
         if load.direction is not None:
             arrow = _ARROW_LENGTH * load.direction
-            axes.quiver(*spot, *arrow, color=LOAD_COLOUR, linewidth=2.0, arrow_length_ratio=0.3, zorder=5)
+            axes.quiver(
+                *spot, *arrow, color=LOAD_COLOUR, linewidth=2.0 * look.scale, arrow_length_ratio=0.3, zorder=5
+            )
         lift = spot + [0.0, 0.0, _LABEL_LIFT]
         axes.text(
             *lift,
             load.label,
             color=LOAD_COLOUR,
-            fontsize=LABEL_SIZE,
+            fontsize=look.label if look.headed or large else look.label - 1.0,
             ha="center",
             zorder=6,
             path_effects=halo,
         )
 
 
-def _dress(axes: Axes3D, frame: Frame, *, large: bool) -> None:
+def _dress(axes: Axes3D, frame: Frame, *, large: bool, look: Look) -> None:
     for limits, low, high in zip(
         (axes.set_xlim, axes.set_ylim, axes.set_zlim), frame.low, frame.high, strict=True
     ):
         limits(low, high)
-    axes.set_box_aspect(frame.high - frame.low, zoom=1.08 if large else 0.95)
+    axes.set_box_aspect(
+        frame.high - frame.low, zoom=(1.08 if large else 0.95) * (1.0 if look.headed else 0.9)
+    )
     axes.view_init(elev=ELEVATION, azim=AZIMUTH)
     axes.set_proj_type("persp", focal_length=0.35)
     for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.line.set_color(SOFT_INK)
         axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.set_label_text(f"{name} [mm]", fontsize=LABEL_SIZE if large else LABEL_SIZE - 1.0, color=INK)
-        axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
-        axis.labelpad = 2.0 if large else -5.0
+        axis.set_label_text(f"{name} [mm]", fontsize=look.label if large else look.label - 1.0, color=INK)
+        axis.set_major_locator(MaxNLocator(nbins=4 if look.headed else 3, steps=[1, 2, 5, 10]))
+        axis.labelpad = _pad((2.0, -5.0), (-8.0, -9.5), large, look)
     axes.zaxis.set_rotate_label(False)
     axes.zaxis.label.set_rotation(90)
     axes.tick_params(
-        labelsize=TICK_SIZE if large else TICK_SIZE - 1.5, colors=SOFT_INK, pad=0 if large else -3
+        labelsize=look.tick if large else look.tick - 1.5,
+        colors=SOFT_INK,
+        pad=_pad((0.0, -3.0), (-4.0, -5.0), large, look),
     )
+
+
+def _pad(screen: tuple[float, float], printed: tuple[float, float], large: bool, look: Look) -> float:
+    """Return the distance of a label from its axis [pt], large or not; matplotlib's own suits larger pictures."""
+    return (screen if look.headed else printed)[0 if large else 1]

@@ -15,7 +15,7 @@ from ldcs_ros.plotting.style import (
     dress,
     heading,
     new_figure,
-    save_png,
+    save_figure,
 )
 from ldcs_ros.study.command_rates import SMOOTH, against_smooth
 from ldcs_ros.study.growth import measured, peak_memory
@@ -75,7 +75,7 @@ def draw(rows: list[Row], path: Path) -> Path:
         "one thread, one process; up and to the right is dear and exact; filled: adaptive, open: fixed steps, "
         "cross: no result (reason beside it)",
     )
-    return save_png(figure, path)
+    return save_figure(figure, path)
 
 
 def _panel(axes: Any, scene: str, nodes: int, rows: list[Row]) -> None:

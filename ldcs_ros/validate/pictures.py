@@ -19,7 +19,7 @@ from ldcs_ros.plotting.style import (
     heading,
     label_line_ends,
     new_figure,
-    save_png,
+    save_figure,
 )
 from ldcs_ros.plotting.subject import subject_of_scene
 from ldcs_ros.plotting.surface import common_frame, draw_surface
@@ -127,4 +127,4 @@ def tornado_figure(found: Sequence[Sensitivity], title: str) -> Figure:
 def write(figures: dict[str, Figure], folder: Path) -> list[Path]:
     """Write figures as PNG by name into a folder, made if needed; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [save_png(figure, folder / f"{name}.png") for name, figure in figures.items()]
+    return [save_figure(figure, folder / f"{name}.png") for name, figure in figures.items()]

@@ -26,6 +26,11 @@ def test_pictures_appear_beside_the_bag(ldcs, bag):
     assert sorted(path.suffix for path in bag.iterdir()) == [".mcap", ".yaml"]
 
 
+def test_print_is_asked_for_by_format_and_width(ldcs, bag, tmp_path):
+    outcome = ldcs("plot", bag, "-o", tmp_path / "p", "--format", "svg", "--width", "column")
+    assert outcome.out.split() == [f"{tmp_path}/p/{name}.svg" for name in ("surface", "points", "drives")]
+
+
 def test_json_names_the_files_and_the_motion(ldcs, bag, tmp_path):
     outcome = ldcs("plot", bag, "-o", tmp_path / "p", "--animate", "gif", "--json")
     assert json.loads(outcome.out)["files"][-1] == str(tmp_path / "p" / "motion.gif")

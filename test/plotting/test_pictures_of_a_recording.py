@@ -14,9 +14,11 @@ from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting import motion
 from ldcs_ros.plotting.drives import drives_figure
 from ldcs_ros.plotting.pictures import draw, telling_indices
+from ldcs_ros.plotting.points import points_figure
+from ldcs_ros.plotting.style import LOOKS
 from ldcs_ros.plotting.subject import subject_of
 from ldcs_ros.plotting.surface import surface_figure
-from ldcs_ros.plotting.tracks import joint_tracks, pressure_tracks, surface_track
+from ldcs_ros.plotting.tracks import joint_tracks, point_tracks, pressure_tracks, surface_track
 
 
 def pixels(path):
@@ -167,3 +169,38 @@ def test_a_picture_that_cannot_be_finished_leaves_no_file(recording, tmp_path, m
     with pytest.raises(OSError):
         motion.save_motion(track, subject_of(recording, track), tmp_path / "motion.gif")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("width", "inches"), [("column", 3.46), ("page", 7.09)])
+def test_print_is_as_wide_as_a_column_or_a_page_with_letters_to_match(width, inches, recording, tmp_path):
+    look = LOOKS[width]
+    written = draw(recording, tmp_path, look=look)
+    for path in written:
+        with Image.open(path) as image:
+            assert image.width == pytest.approx(600 * inches, abs=2)
+    figure = points_figure(
+        point_tracks(recording, truth=True), {}, {}, title="No heading in print", look=look
+    )
+    assert not any("heading" in text.get_text() for text in figure.texts)
+    sizes = {text.get_fontsize() for axes in figure.axes for text in axes.texts}
+    assert min(sizes) >= 7.0
+
+
+def test_nothing_of_a_printed_picture_is_cut_off(recording, tmp_path):
+    for path in draw(recording, tmp_path, look=LOOKS["column"], times=[0.0, 0.1, 0.2, 0.4]):
+        image = pixels(path)
+        edges = [image[:2], image[-2:], image[:, :2], image[:, -2:]]
+        assert all((edge > 245).all() for edge in edges), path
+
+
+def test_vector_files_have_real_fonts_and_are_the_same_each_time(recording, tmp_path):
+    first = draw(recording, tmp_path / "a", kind="pdf", look=LOOKS["column"])
+    again = draw(recording, tmp_path / "b", kind="pdf", look=LOOKS["column"])
+    assert [path.suffix for path in first] == [".pdf"] * 3
+    for one, other in zip(first, again, strict=True):
+        content = one.read_bytes()
+        assert content == other.read_bytes()
+        # Type 42 is an embedded TrueType font; publishers refuse Type 3.
+        assert content.startswith(b"%PDF") and b"/Type3" not in content and b"/FontFile2" in content
+    drawn = draw(recording, tmp_path / "c", kind="svg")
+    assert b"<svg" in drawn[0].read_bytes()
