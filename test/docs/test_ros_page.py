@@ -13,7 +13,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 from ldcs_ros import load_scene
 from ldcs_ros.cli.effects import describe
 from ldcs_ros.interface.entities import Entities
-from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.interface.topics import BASE_FRAME, TOPICS
 from ldcs_ros.interface.twin import Twin
 from ldcs_ros.physics.effects import EFFECTS
 from ldcs_ros.ros.parameters import PARAMETERS
@@ -38,7 +38,7 @@ def test_topics_and_services_of_the_first_round_are_there():
         assert name.removeprefix("/ldcs/") in topics
     for words in commands("ros2 topic pub --rate 10"):
         assert topics[words[0].removeprefix("/ldcs/")].type == words[1]
-    for name, kind in commands("ros2 service call"):
+    for name, kind, *_ in [*commands("ros2 service call"), *commands("ros2 action send_goal --feedback")]:
         assert SERVICES[name] == kind
     for node, name, _ in commands("ros2 param set"):
         assert (
@@ -64,6 +64,7 @@ def test_each_name_on_the_page_is_one_of_the_code():
         for node in ast.walk(setup)
         if isinstance(node, ast.Constant) and " = " in str(node.value)
     }
-    known |= set(Entities(load_scene("rig").build()).all)
+    entities = Entities(load_scene("rig").build()).all
+    known |= {*entities, BASE_FRAME, *(tag for entity in entities.values() for tag in entity.tags)}
     named = set(re.findall(r"`(/?[a-z][a-z0-9_]*)`", PAGE))
     assert named - known == set()
