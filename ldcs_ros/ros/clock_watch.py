@@ -12,8 +12,8 @@ from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.topics import TOPICS
 
 CLOCK = TOPICS["/clock"].name
-DISCOVERY_TIME = 1.0
-"""Wall time in which the publishers that were there before are known [s]."""
+DISCOVERY_TIME = 2.0
+"""Wall time in which the publishers that were there before are known [s]; on a busy machine it takes one."""
 NAMELESS = "somebody without a name"
 
 

