@@ -71,6 +71,7 @@ def answers(tmp_path_factory):
         for state, transitions in STEPS.items():
             for transition in transitions:
                 assert user.change_state(transition), state
+            assert not user.change_state(99), "a transition that there is not"
             seen[state] = user.call_all()
             seen[state]["state"] = user.call(f"{NODE}/get_state", GetState).current_state.id
         assert user.change_state(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)

@@ -206,26 +206,36 @@ def test_the_action_can_be_cancelled_and_leaves_whole_steps(paused):
     assert paused.ask("StepSimulation").result.result == Result.RESULT_OK
 
 
-def test_who_lets_time_run_ends_the_steps_of_others(paused):
-    other = paused.node.create_client(srv.SetSimulationState, "/ldcs/ldcs_sim/set_simulation_state")
+@pytest.mark.parametrize(
+    ("service", "fields", "state"),
+    [
+        ("SetSimulationState", {"state": SimulationState(state=STATES["playing"])}, "playing"),
+        ("SetSimulationState", {"state": SimulationState(state=STATES["stopped"])}, "stopped"),
+        ("ResetSimulation", {}, "paused"),
+    ],
+)
+def test_who_lets_time_run_or_resets_ends_the_steps_of_others(paused, service, fields, state):
+    kind = getattr(srv, service)
+    other = paused.node.create_client(kind, f"/ldcs/ldcs_sim/{usual_name(service)}")
     paused.until(other.service_is_ready)
-    play = srv.SetSimulationState.Request(state=SimulationState(state=STATES["playing"]))
-    asked = []
+    request, asked = kind.Request(**fields), []
 
     def enough(feedback):
         if not asked:
-            asked.append(other.call_async(play))
+            asked.append(other.call_async(request))
         return False
 
     status, result, told = paused.simulate(10**6, enough=enough)
     assert (status, result.result) == (GoalStatus.STATUS_ABORTED, Result.RESULT_OPERATION_FAILED)
     taken = int(re.search(r"(\d+) of 1000000 steps were taken", result.error_message)[1])
     assert taken >= told[-1].completed_steps
-    assert paused.state == "playing"
+    assert paused.state == state
+    paused.node.destroy_client(other)
 
 
 def test_a_reset_takes_time_and_state_together(paused):
     request = srv.ResetSimulation.Request
+    assert paused.ask("StepSimulation", steps=2).result.result == Result.RESULT_OK
     for scope in (request.SCOPE_TIME, request.SCOPE_STATE, request.SCOPE_SPAWNED, 5):
         assert paused.ask("ResetSimulation", scope=scope).result.result == Result.RESULT_FEATURE_UNSUPPORTED
     assert paused.time_of() > 0

@@ -86,11 +86,11 @@ class Stepping:
             raise NotNow("steps are being taken already; wait for their end, or cancel them")
         if (mode := self._host.active_runner().mode) is not Mode.PAUSED:
             raise NotNow(f"the simulation is {mode.value}; steps are taken while it is paused")
-        self._busy = True
+        self._busy, time = True, 0.0
         try:
             for taken in range(steps):
                 try:
-                    await self._step()
+                    time = await self._step(time)
                 except NotNow as error:
                     kind = type(error)
                     raise kind(f"{error}; {taken} of {steps} steps were taken") from error
@@ -100,8 +100,11 @@ class Stepping:
         finally:
             self._busy = False
 
-    async def _step(self) -> None:
+    async def _step(self, behind: float) -> float:
+        # Takes a step from a time on and returns the time behind it.
         runner = self._host.active_runner()
+        if runner.twin.time < behind:
+            raise NotNow("the simulation went back to a start")
         future = runner.hand_in(runner.step)
         waiting = True
         while waiting:
@@ -111,7 +114,7 @@ class Stepping:
             raise Refused(
                 Result.RESULT_INCORRECT_STATE, "the node was cleaned up before all steps were taken"
             )
-        future.result()
+        return future.result()
 
 
 class _Turn:
