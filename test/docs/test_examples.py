@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -10,6 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+
+from ldcs_ros import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "docs/examples"
@@ -29,6 +33,26 @@ def test_a_tether_from_outside_the_package_carries_the_sheet(tmp_path):
     assert below == pytest.approx(expected, abs=0.02)
 
 
+def test_the_command_line_runs_and_replays_a_scene_with_an_effect_from_outside(tmp_path):
+    program = "import my_effect, sys; from ldcs_ros.cli.main import main; sys.exit(main())"
+    assert program in (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    scene = yaml.safe_load(load_scene("hanging_sheet").text)
+    scene["effects"].append({"type": "tether", "at": "P1"})
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
+    paths = os.pathsep.join([str(EXAMPLES), os.environ.get("PYTHONPATH", "")])
+    for words in ("simulate mine.yaml --duration 0.2 --bag a", "replay a --bag b"):
+        done = subprocess.run(
+            [sys.executable, "-c", program, *words.split()],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": paths},
+            capture_output=True,
+            text=True,
+            timeout=55,
+        )
+        assert done.returncode == 0, done.stderr
+    assert "the same bytes as the original" in done.stdout
+
+
 def test_a_method_from_outside_the_package_has_its_order(tmp_path):
     *_, order = run("my_integrator", tmp_path)
     assert order == pytest.approx(2.0, abs=0.1)
@@ -41,7 +65,6 @@ def test_a_sensor_from_outside_the_package_is_recorded(tmp_path):
 
 
 def test_the_force_of_the_tether_is_minus_its_energys_gradient(monkeypatch):
-    from ldcs_ros import load_scene
     from ldcs_ros.physics.effects import EFFECTS
     from ldcs_ros.physics.effects.base import Assembly
 
