@@ -117,7 +117,7 @@ def run_description(twin: Twin) -> dict[str, str]:
         "seed": "" if twin.seed is None else str(twin.seed),
         "accuracy": "" if twin.accuracy is None else repr(twin.accuracy),
         "publish_rate": repr(twin.publish_rate),
-        "tracker_rate": "" if twin.tracker_parameters is None else repr(twin.tracker_parameters.rate),
+        "tracker_rate": "" if twin.sensing.tracker is None else repr(twin.sensing.tracker.rate),
         "ambient_pressure": repr(twin.ambient_pressure),
         "publish_clock": str(twin.publish_clock).lower(),
         "publish_tf": str(twin.publish_tf).lower(),

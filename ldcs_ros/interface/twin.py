@@ -16,12 +16,13 @@ from ldcs_ros.interface.commands import Commands, Refusal
 from ldcs_ros.interface.diagnostics import Status, diagnostic_array, twin_statuses
 from ldcs_ros.interface.frames import Frames
 from ldcs_ros.interface.outputs import Outputs
+from ldcs_ros.interface.sensing import Sensing
 from ldcs_ros.interface.solver_status import SolverReport
 from ldcs_ros.interface.topics import TOPICS, Topic
 from ldcs_ros.interface.vent import RAMP_TIME, VentRamp
 from ldcs_ros.interface.watchdog import Watchdog
 from ldcs_ros.interface.wrench_course import WrenchCourses
-from ldcs_ros.sensors import PressureSensor, PressureSensorParameters, Ticks, Tracker, TrackerParameters
+from ldcs_ros.sensors import Ticks
 
 Sink = Callable[[str, str, bytes, int], None]
 ARM_COMMANDS = ("pressure_command", "torque_command", "arm_command")
@@ -57,6 +58,7 @@ class Twin:
         time: Time up to which everything has been emitted [s].
         settled: It began in the rest state.
         topics: Every topic that may be emitted or received, by relative name.
+        sensing: The sensors.
         commands: Counters of accepted and refused commands.
         watchdog: The watchdog; its owner calls `check_watchdog`.
         overruns: Deadlines missed in real time, as its owner counts them; reported in `solver_status`.
@@ -100,14 +102,13 @@ class Twin:
         self.watchdog = watchdog or Watchdog(wall.monotonic)
         self.commands = Commands(self.simulation, self.frames)
         self._courses = WrenchCourses()
-        self.tracker_parameters = _tracker(scene.sensors, tracker_rate)
-        self.pressure_parameters = self._pressure_sensor_of(scene.sensors)
+        self.sensing = Sensing(scene.sensors, self.simulation, seed=seed, tracker_rate=tracker_rate)
         self._outputs = Outputs(
             self.simulation,
             self.emit,
             wanted=self._wanted,
-            tracker=self.tracker_parameters,
-            pressure_sensor=self.pressure_parameters,
+            tracker=self.sensing.tracker,
+            pressure_sensor=self.sensing.pressure,
             ambient_pressure=ambient_pressure,
             publish_clock=publish_clock,
             publish_tf=publish_tf,
@@ -125,7 +126,7 @@ class Twin:
     @property
     def next_time(self) -> float:
         """When the next event is due [s]."""
-        return min(self._next_tick, self._next_delivery, self._courses.next_time)
+        return min(self._next_tick, self.sensing.next_delivery, self._courses.next_time)
 
     def advance_to_next(self) -> None:
         """Go on to the next event and emit all that belongs to it.
@@ -133,7 +134,7 @@ class Twin:
         Raises:
             DivergenceError: The simulation cannot go on; nothing was emitted, the state before is whole.
         """
-        time = min(self._next_tick, self._next_delivery)
+        time = min(self._next_tick, self.sensing.next_delivery)
         if self._courses.next_time < time:
             self._go_to(self._courses.next_time)
             self._follow_courses()
@@ -142,12 +143,7 @@ class Twin:
             self._move(time)
         self.time = time
         # Measurements first: one that is delivered without delay belongs to this very event.
-        if self._tracker is not None:
-            if self._tracker.next_tick <= time:
-                self._tracker.measure(self.simulation.pose)
-            self._outputs.report_tracker(self._tracker.deliver(time))
-        if self._pressure_sensor is not None and self._pressure_sensor.next_tick <= time:
-            self._outputs.report_pressure(self._pressure_sensor.measure(self.simulation.state.pressure))
+        self.sensing.report(time, self._outputs)
         if self._reports.time <= time:
             self._reports.advance()
             if self._first_report:
@@ -296,14 +292,8 @@ class Twin:
 
     @property
     def _next_tick(self) -> float:
-        ticks = [sensor.next_tick for sensor in (self._tracker, self._pressure_sensor) if sensor is not None]
-        if self._diagnostics:
-            ticks.append(self._health.time)
-        return min(self._reports.time, *ticks) if ticks else self._reports.time
-
-    @property
-    def _next_delivery(self) -> float:
-        return math.inf if self._tracker is None else self._tracker.next_delivery
+        health = self._health.time if self._diagnostics else math.inf
+        return min(self._reports.time, health, self.sensing.next_tick)
 
     def _start(self) -> None:
         start = self.time = self.simulation.time
@@ -314,22 +304,7 @@ class Twin:
         self._courses.clear()
         self.solver_report.restart()
         self._first_report = True
-        self._tracker: Tracker | None = None
-        self._pressure_sensor: PressureSensor | None = None
-        if (tracker := self.tracker_parameters) is not None:
-            self._tracker = Tracker(tracker, self._generator(0, tracker.seed), start)
-        if (pressure := self.pressure_parameters) is not None:
-            self._pressure_sensor = PressureSensor(pressure, self._generator(1, pressure.seed), start)
-
-    def _pressure_sensor_of(self, sensors: Any) -> PressureSensorParameters | None:
-        # Arms that are not driven by pressure have no chambers to measure.
-        if "pressure" not in sensors or self.simulation.inputs.pressure is None:
-            return None
-        return PressureSensorParameters(**sensors["pressure"])
-
-    def _generator(self, sensor: int, seed: int) -> np.random.Generator:
-        # One stream a sensor: adding a sensor does not change what the others report.
-        return np.random.default_rng([sensor, seed if self.seed is None else self.seed])
+        self.sensing.start(start)
 
     def _move(self, time: float) -> None:
         if time > self.simulation.time:
@@ -390,10 +365,3 @@ class Twin:
         refusal = Refusal("vented", "the watchdog vented the arms; call rearm, then send commands in time")
         self.commands.refuse(refusal, topic)
         return refusal
-
-
-def _tracker(sensors: Any, rate: float | None) -> TrackerParameters | None:
-    if "tracker" not in sensors:
-        return None
-    given = dict(sensors["tracker"])
-    return TrackerParameters(**(given if rate is None else {**given, "rate": rate}))
