@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import traceback
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from ldcs_ros.errors import LdcsError
+from ldcs_ros.ros.security import check_security
 from ldcs_ros.ros.stop_signals import StopSignals
 
 # How long a thread may hold the interpreter while another one, with a deadline, waits for it [s].
@@ -66,6 +68,9 @@ def _run(
     try:
         # Every refusal of ROS itself is one of these: bad arguments, bad names, bad parameters.
         try:
+            warning = check_security(os.environ)
+            if warning:
+                print(f"{name}: {warning}", file=sys.stderr)
             rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
             node = make()
         except (LdcsError, RuntimeError, ValueError, TypeError, rclpy.exceptions.ParameterException) as error:
