@@ -12,11 +12,16 @@ class CommandLineError(LdcsError, ValueError):
     """The command line itself cannot be understood."""
 
 
-def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
+def add_format_argument(parser: argparse.ArgumentParser) -> None:
     """Declare what pictures are written as."""
     parser.add_argument(
         "--format", choices=("png", "pdf", "svg"), default="png", help="format of the pictures; png"
     )
+
+
+def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what pictures are written as, and how wide they are."""
+    add_format_argument(parser)
     parser.add_argument(
         "--width",
         choices=("screen", "column", "page"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ldcs_ros.cli.arguments import metres
+from ldcs_ros.cli.arguments import add_picture_arguments, metres
 from ldcs_ros.cli.output import print_json, print_pairs
 
 DESCRIPTION = """\
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--map-{side}", metavar="FILE", type=Path, help=f"what the topics of {side.upper()} mean (YAML)"
         )
+    add_picture_arguments(parser)
     parser.add_argument("--tolerances", metavar="FILE", type=Path, help="limits to check (YAML)")
     parser.add_argument(
         "--offset",
@@ -79,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     comparison = compare(read_bag(arguments.a), read_bag(arguments.b), options)
     folder = arguments.output or arguments.a.with_name(f"{arguments.a.stem}_vs_{arguments.b.stem}")
-    files = write_report(comparison, folder)
+    files = write_report(comparison, folder, kind=arguments.format, width=arguments.width)
     if arguments.json:
         print_json(as_dict(comparison, [str(path) for path in files]))
     else:

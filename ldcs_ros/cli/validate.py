@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ldcs_ros.cli.arguments import add_format_argument
 from ldcs_ros.cli.output import Progress, print_json
 
 DESCRIPTION = """\
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, help="write the pictures into this folder"
     )
+    add_format_argument(parser)
     parser.add_argument(
         "--calibrate",
         action="store_true",
@@ -90,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.output is not None:
             figures["damping"] = pictures.damping_figure(runs, "P1 under other damping")
     if arguments.output is not None:
-        result["files"] = [str(path) for path in pictures.write(figures, arguments.output)]
+        result["files"] = [str(path) for path in pictures.write(figures, arguments.output, arguments.format)]
     if arguments.json:
         print_json(result)
     else:

@@ -14,17 +14,16 @@ from ldcs_ros.compare.words import NOTHING, SHOWN, figure, milliseconds, scale
 from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
     INK,
-    LABEL_SIZE,
     LINE_COLOURS,
+    SCREEN,
     SOFT_INK,
+    Look,
     dress,
     heading,
     new_figure,
 )
 
-_ROW = 2.2  # inches
-_HEAD = 0.75
-_FOOT = 0.5
+_ON_SCREEN = 9.2  # inches of width
 _MOST_NAMED = 4
 
 
@@ -39,30 +38,37 @@ class _Line(NamedTuple):
     rms: float
 
 
-def channels_figure(comparison: Comparison) -> Figure | None:
-    """Draw a row for each point, for the pressures and for the joints: both sides left, the difference right."""
+def channels_figure(comparison: Comparison, look: Look = SCREEN) -> Figure | None:
+    """Draw a row for each point, for the pressures and for the joints: both sides, and beside it the difference.
+
+    In one column of print the difference stands under both sides.
+    """
     rows = _rows(comparison)
     if not rows:
         return None
-    height = _ROW * len(rows) + _HEAD + _FOOT
-    whole = new_figure(9.2, height)
+    width = _ON_SCREEN if look.headed else look.width
+    columns = 2 if width > 5.0 else 1
+    lines = len(rows) * 2 // columns
+    foot, head = look.inches(3.8), look.inches(5.7 if look.headed else 2.2)
+    height = 0.88 * look.row * lines + head + foot
+    whole = new_figure(width, height)
     grid = whole.add_gridspec(
-        len(rows),
-        2,
-        left=0.075,
-        right=0.985,
-        bottom=_FOOT / height,
-        top=1.0 - _HEAD / height,
-        hspace=0.42,
+        lines,
+        columns,
+        left=look.inches(5.3) / width,
+        right=1.0 - look.inches(1.0) / width,
+        bottom=foot / height,
+        top=1.0 - head / height,
+        hspace=0.42 if look.headed else 0.5,
         wspace=0.24,
     )
     for number_of_row, (title, channels) in enumerate(rows):
-        both, apart = (whole.add_subplot(grid[number_of_row, k]) for k in (0, 1))
+        both, apart = (whole.add_subplot(grid[divmod(2 * number_of_row + k, columns)]) for k in (0, 1))
         last = number_of_row == len(rows) - 1
-        _draw_row(both, apart, title, channels, comparison, last=last)
+        _draw_row(both, apart, title, channels, comparison, last=last, look=look)
     a, b = comparison.a.name, comparison.b.name
     note = f"lines: {a}   dots: {b}   clock offset {milliseconds(comparison.offset.value)}, {comparison.offset.reason}"
-    heading(whole, f"{a} against {b}", note)
+    heading(whole, f"{a} against {b}", note, look)
     return whole
 
 
@@ -84,6 +90,7 @@ def _draw_row(
     comparison: Comparison,
     *,
     last: bool,
+    look: Look,
 ) -> None:
     si = channels[0].unit
     shown, factor = SHOWN[si]
@@ -93,26 +100,30 @@ def _draw_row(
     for line in lines:
         # From where A begins: a picture of a motion, not of a place.
         origin = line.a[0] if si == "m" else 0.0
-        both.plot(line.time, factor * (line.a - origin), color=line.colour, linewidth=1.5)
+        both.plot(line.time, factor * (line.a - origin), color=line.colour, linewidth=1.5 * look.scale)
         every = max(1, len(line.time) // 60)
-        style: dict[str, Any] = {"color": line.colour, "linestyle": "none", "marker": "o", "markersize": 2.6}
-        both.plot(line.time[::every], factor * (line.b - origin)[::every], alpha=0.75, **style)
+        dots: dict[str, Any] = {"color": line.colour, "linestyle": "none", "alpha": 0.75}
+        dots |= {"marker": "o", "markersize": 2.6 * look.scale}
+        both.plot(line.time[::every], factor * (line.b - origin)[::every], **dots)
         label = f"{line.label}  {figure(fine * line.rms)}" if len(lines) <= _MOST_NAMED else ""
-        apart.plot(line.time, fine * (line.a - line.b), color=line.colour, linewidth=1.2, label=label)
+        apart.plot(
+            line.time, fine * (line.a - line.b), color=line.colour, linewidth=1.2 * look.scale, label=label
+        )
     apart.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
     what = {"m": "displacement", "Pa": "gauge pressure", "rad": "angle"}[si]
     x_label = f"time of {comparison.a.name} [s]" if last else ""
-    dress(both, x_label=x_label, y_label=f"{what} [{shown}]", title=title)
-    dress(apart, x_label=x_label, y_label=f"difference [{fine_unit}]")
+    beside = both.get_position().y0 == apart.get_position().y0
+    dress(both, x_label=x_label if beside else "", y_label=f"{what} [{shown}]", title=title, look=look)
+    dress(apart, x_label=x_label, y_label=f"difference [{fine_unit}]", look=look)
     for axes in (both, apart):
         axes.margins(x=0.01, y=0.12)
     if fine * largest < NOTHING:
         apart.set_ylim(-1.0, 1.0)  # rounding is no difference: nobody need look at it through a lens
-    _key(apart, lines, fine_unit, fine)
+    _key(apart, lines, fine_unit, fine, look)
 
 
-def _key(apart: Axes, lines: list[_Line], unit: str, factor: float) -> None:
-    style: dict[str, Any] = {"fontsize": LABEL_SIZE, "color": INK}
+def _key(apart: Axes, lines: list[_Line], unit: str, factor: float, look: Look) -> None:
+    style: dict[str, Any] = {"fontsize": look.label, "color": INK, "pad": 6.0 if look.headed else 3.0}
     if len(lines) > _MOST_NAMED:
         rms = factor * float(np.sqrt(np.mean([line.rms**2 for line in lines])))
         apart.set_title(f"RMS {figure(rms)} {unit} over {len(lines)} channels", loc="right", **style)
@@ -121,15 +132,16 @@ def _key(apart: Axes, lines: list[_Line], unit: str, factor: float) -> None:
         loc="lower right",
         bbox_to_anchor=(1.0, 0.98),
         ncol=_MOST_NAMED,
-        fontsize=LABEL_SIZE,
+        fontsize=look.label if len(lines) < _MOST_NAMED else look.tick,
         labelcolor=INK,
         frameon=False,
-        handlelength=1.0,
-        handletextpad=0.5,
-        columnspacing=1.0,
+        handlelength=0.8,
+        handletextpad=0.4,
+        columnspacing=0.8,
         borderpad=0.0,
     )
-    apart.set_title(f"RMS [{unit}]", loc="left", **style)
+    # With four names there is no room for more than their unit.
+    apart.set_title(f"RMS [{unit}]" if len(lines) < _MOST_NAMED else f"[{unit}]", loc="left", **style)
 
 
 def _lines(channels: list[ChannelDifference]) -> list[_Line]:

@@ -57,7 +57,9 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
     if told:
         lines += ["## Remarks", "", *(f"- {line}" for line in told), ""]
     for picture in pictures:
-        lines += [f"![{picture}]({picture})", ""]
+        # Viewers of Markdown show no PDF.
+        shown = "" if picture.endswith(".pdf") else "!"
+        lines += [f"{shown}[{picture}]({picture})", ""]
     return "\n".join(lines)
 
 

@@ -124,7 +124,7 @@ def tornado_figure(found: Sequence[Sensitivity], title: str) -> Figure:
     return figure
 
 
-def write(figures: dict[str, Figure], folder: Path) -> list[Path]:
-    """Write figures as PNG by name into a folder, made if needed; return their paths."""
+def write(figures: dict[str, Figure], folder: Path, kind: str = "png") -> list[Path]:
+    """Write figures by name into a folder, made if needed, as 'png', 'pdf' or 'svg'; return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [save_figure(figure, folder / f"{name}.png") for name, figure in figures.items()]
+    return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in figures.items()]

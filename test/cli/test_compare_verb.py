@@ -33,6 +33,16 @@ def test_the_report_stands_beside_the_first_bag_with_pictures_that_show_somethin
             assert image.width > 900 and len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
 
 
+def test_the_pictures_are_printed_as_asked(ldcs, bags, tmp_path):
+    words = ("compare", *bags, "-o", tmp_path / "report", "--format", "pdf", "--width", "column")
+    assert ldcs(*words).status == 0
+    written = {path.name for path in (tmp_path / "report").iterdir()}
+    assert written == {"compare.md", "compare.pdf", "surface_error.pdf"}
+    text = (tmp_path / "report" / "compare.md").read_text()
+    # What shows Markdown shows no PDF.
+    assert "[compare.pdf](compare.pdf)" in text and "![compare.pdf]" not in text
+
+
 def test_the_json_says_what_the_report_says(ldcs, bags, tmp_path):
     report = json.loads(ldcs("compare", *bags, "-o", tmp_path / "report", "--json").out)
     p1 = report["channels"]["P1"]
