@@ -9,6 +9,7 @@ from fake_scene import RailScene
 
 from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.messages import wrench_command
+from ldcs_ros.interface.solver_status import SolverReport
 
 SENSORS = {"tracker": {"points": ("P0", "P1"), "rate": 50.0}, "pressure": {"rate": 50.0}}
 
@@ -85,3 +86,22 @@ def test_nobody_pays_for_what_nobody_wants(run):
     twin.advance_to(0.2)
     assert not collected.on("lattice_state") and not collected.on("solver_status")
     assert not twin.topics["lattice_state"].recorded and not twin.topics["solver_status"].recorded
+
+
+def test_the_pace_is_that_of_the_last_second_and_a_pause_does_not_count(run):
+    now = [0.0]
+    report = SolverReport(lambda: now[0])
+    twin, _ = run()
+
+    def factor(elapsed, simulated):
+        now[0] += elapsed
+        twin.advance_to(twin.time + simulated)
+        cdr = report.build(0, twin.simulation, overruns=0, refused=0)
+        return decode("ldcs_msgs/msg/SolverStatus", cdr).real_time_factor
+
+    assert factor(0.0, 0.0) == 0.0
+    assert [factor(0.125, 0.25) for _ in range(4)] == [2.0] * 4
+    assert [factor(0.125, 0.125) for _ in range(20)][-1] == 1.0
+    now[0] += 1000.0
+    report.restart()
+    assert (factor(0.0, 0.0), factor(0.125, 0.125)) == (0.0, 1.0)
