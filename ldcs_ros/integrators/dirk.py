@@ -27,6 +27,8 @@ STEP_RATIO = 1.35
 ONSET_SHARE = 1e-3
 # Factorings that a step may take: of its middle, and of a stage that does not converge with those.
 MOST_FACTORISATIONS = 2
+# An iteration that moves a node by more than this share of the spacing has turned the lattice noticeably.
+TURNING_MOVE = 1e-3
 # Iterations of Newton's method where kept factors have failed.
 MOST_NEWTON = 15
 # How long a free sheet goes on with a wrong momentum [s].
@@ -86,6 +88,7 @@ class Dirk(Integrator):
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
+        self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
         self._onset = min(term.onset for term in self.model.terms)
 
     @property
@@ -153,7 +156,7 @@ class Dirk(Integrator):
         going_on = bool(self._past) and self._past[-1][1] is motion.a
         past = [*(self._past[:-1] if going_on else ()), (motion.time, motion.a)]
         q, u = motion.q.copy(), motion.u.copy()
-        worst, turned = 0.0, None
+        worst = 0.0
         factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
         renewals = MOST_FACTORISATIONS - fresh
         for i in range(1, n_stages):
@@ -172,9 +175,8 @@ class Dirk(Integrator):
                 if factors is None:
                     a, rate = self._solve_exactly(stage, guess, q, u, inputs)
                     break
-                turned = self._system.turn(factors, time, q, u, inputs, rate_step)
                 try:
-                    a, rate = self._solve(stage, guess, q, u, inputs, turned)
+                    a, rate, factors = self._solve(stage, guess, q, u, inputs, factors)
                     break
                 except StepFailure:
                     if not renewals:
@@ -185,14 +187,14 @@ class Dirk(Integrator):
             worst = max(worst, rate)
             rates[i], accelerations[i] = u[free], a
             past.append((time, a))
-        self._rate, self._past = worst, tuple(past[-GUESS_POINTS:])
+        self._factors, self._rate, self._past = factors, worst, tuple(past[-GUESS_POINTS:])
         defect = h * (tableau.error_weights @ rates)
         rate_defect = h * (tableau.error_weights @ accelerations)
         self.counters.steps += 1
         right = Motion(motion.time + h, q, u, accelerations[-1])
         error = self._size(h, defect, rate_defect)
-        if error > tolerance and turned is not None:
-            filtered = self._filtered(right, inputs, defect, rate_defect, turned)
+        if error > tolerance and factors is not None:
+            filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
         return Step(motion, right, error, self._coasting(rate_defect))
 
@@ -231,14 +233,16 @@ class Dirk(Integrator):
 
     def _solve(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
-    ) -> tuple[np.ndarray, float]:
-        """Iterate from a guess that is placed in q and u; return the acceleration and the worst rate seen."""
+    ) -> tuple[np.ndarray, float, Factors]:
+        """Iterate from a guess that is placed in q and u; return acceleration, worst rate seen and turned factors."""
         free, model = self.model.free, self.model
         # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
         mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
         before, rate = np.inf, min(max(self._rate, mismatch, 0.02), 0.9)
-        worst, change = 0.0, None
+        worst, change, moved = 0.0, None, np.inf
         for iteration in range(self.patience):
+            if moved > self._turning_move:
+                factors = self._system.turn(factors, stage.time, q, u, inputs, stage.rate_step)
             residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
             change = self._updates.step(factors.solve(residual), change)
             self.counters.evaluations += 1
@@ -256,7 +260,7 @@ class Dirk(Integrator):
                 if rate > WILD_RATE or (iteration > 4 and rate > 0.95):
                     break
             if moved == 0.0 or (rate < 1.0 and moved * rate / (1.0 - rate) <= stage.allowed):
-                return a, worst if iteration > 0 else rate
+                return a, worst if iteration > 0 else rate, factors
             before = moved
         raise StepFailure(
             f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"

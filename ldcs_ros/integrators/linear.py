@@ -1,4 +1,4 @@
-"""The symmetric linear systems of implicit steps: banded Cholesky for the lattice, bordered by the arms' angles."""
+"""The symmetric linear systems of implicit steps: Cholesky factors for the lattice, bordered by the arms' angles."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lapack
 
+from ldcs_ros.integrators.banded import Band
+from ldcs_ros.integrators.dissection import Dissection
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
 
-# Number of free node coordinates from which factors are kept in single precision: 33 x 33 nodes and more.
-SINGLE_PRECISION_SIZE = 4000
+# Number of free node coordinates from which the sheet is dissected: 33 x 33 nodes and more.
+DISSECTED_SIZE = 4000
 # A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
 TURN = 0.02
 
 
 @compiled
-def _scatter_loop(values, picked, share, slot, band):  # type: ignore[no-untyped-def]
+def _scatter_loop(values, picked, share, slot, target):  # type: ignore[no-untyped-def]
     for k in range(picked.size):
-        band[slot[k]] += values[picked[k]] * share[k]
+        target[slot[k]] += values[picked[k]] * share[k]
 
 
-def _scatter_whole(values, picked, share, slot, band):  # type: ignore[no-untyped-def]
-    band += np.bincount(slot, values[picked] * share, minlength=len(band)).astype(band.dtype)
+def _scatter_whole(values, picked, share, slot, target):  # type: ignore[no-untyped-def]
+    target += np.bincount(slot, values[picked] * share, minlength=len(target)).astype(target.dtype)
 
 
 scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
@@ -34,15 +35,15 @@ scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
 
 @dataclass(frozen=True)
 class Bordered:
-    """A symmetric matrix over the free coordinates: banded for nodes (in slab order), dense for arm angles.
+    """A symmetric matrix over the free coordinates: sparse for nodes, dense for arm angles.
 
     Attributes:
-        band: Lower band of the nodes' part, shape (half-bandwidth + 1, n_nodes), column-major.
+        nodes: Values of the nodes' part at the storage's slots, shape (storage.size,).
         border: Nodes' coordinates by angles, shape (n_nodes, n_angles).
         corner: Angles by angles, shape (n_angles, n_angles).
     """
 
-    band: np.ndarray
+    nodes: np.ndarray
     border: np.ndarray
     corner: np.ndarray
 
@@ -59,23 +60,23 @@ class Factors:
     """
 
     def __init__(
-        self, order: np.ndarray, matrix: Bordered, rate_step: float, angles: np.ndarray, frames: np.ndarray
+        self,
+        storage: Band | Dissection,
+        matrix: Bordered,
+        rate_step: float,
+        angles: np.ndarray,
+        frames: np.ndarray,
     ) -> None:
         self.rate_step, self.frames = rate_step, frames
         self._turns: tuple[np.ndarray, np.ndarray] | None = None
-        self._order, self._n = order, matrix.band.shape[1]
-        single = matrix.band.dtype == np.float32
-        factor = lapack.spbtrf if single else lapack.dpbtrf
-        self._apply = lapack.spbtrs if single else lapack.dpbtrs
-        self._band, status = factor(matrix.band, lower=1, overwrite_ab=1)
-        if status != 0:
-            raise np.linalg.LinAlgError("the matrix is not positive definite")
+        self._order, self._n = storage.order, len(storage.order)
+        self._nodes = storage.factor(matrix.nodes)
         self._set_border(matrix.border, matrix.corner, angles)
 
     def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
         self._border, self.angles = border, angles
         if corner.size:
-            self._reach = self._apply(self._band, border, lower=1)[0]
+            self._reach = self._nodes.solve(border)
             self._corner = np.linalg.inv(corner - border.T @ self._reach)
 
     def bordered(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
@@ -96,7 +97,7 @@ class Factors:
         nodes = right[self._order]
         if self._turns is not None:
             nodes = turned_vectors(self._turns[0], nodes, back=True)
-        nodes = self._apply(self._band, nodes, lower=1, overwrite_b=1)[0]
+        nodes = self._nodes.solve(nodes)
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
@@ -108,30 +109,28 @@ class Factors:
 
 
 class LinearSystem:
-    """Where each Jacobian entry of a model goes in band, border and corner; made once for a model.
+    """Where each Jacobian entry of a model goes in storage, border and corner; made once for a model.
 
-    Node coordinates are ordered slab by slab along the longer side, so the half-bandwidth is about 6 times
-    the number of nodes along the shorter side. The matrix is made symmetric: an entry and its mirror share
-    the mean.
+    The matrix is made symmetric: an entry and its mirror share the mean.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         n = model.n_free_nodes
         rows, columns = model.entries
-        self._order = self._slabs(model)
+        used = (rows >= 0) & (columns >= 0)  # -1 is a prescribed coordinate
+        inner = used & (np.maximum(rows, columns) < n)
+        share = np.where(rows == columns, 1.0, 0.5)
+        self._inner, self._inner_share = np.flatnonzero(inner), share[inner]
+        storage = Dissection if n >= DISSECTED_SIZE and HAVE_NUMBA else Band
+        self._storage = storage(model, rows[inner], columns[inner])
+        self._order = self._storage.order
         self._columns = self._whole_columns(model)
         place = np.empty(len(model.free) + 1, dtype=np.int64)
         place[self._order] = np.arange(n)
         place[n:-1] = np.arange(n, len(model.free))
-        rows, columns = place[rows], place[columns]  # -1, a prescribed coordinate, is not used below
-        used = (model.entries[0] >= 0) & (model.entries[1] >= 0)
+        rows, columns = place[rows], place[columns]
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
-        inner = used & (row < n)
-        self._width = int(np.max(row[inner] - column[inner], initial=0)) + 1
-        share = np.where(rows == columns, 1.0, 0.5)
-        self._inner, self._inner_share = np.flatnonzero(inner), share[inner]
-        self._inner_slot = (row - column + column * self._width)[inner]
         n_angles = model.n_free_angles
         edge = used & (row >= n) & (column < n)
         self._edge, self._edge_share = np.flatnonzero(edge), share[edge]
@@ -144,8 +143,8 @@ class LinearSystem:
         self._arms_start = sum(len(term.entries()[0]) for term in before)
 
     def _whole_columns(self, model: Model) -> np.ndarray | None:
-        # The column of each free node in slab order; None where forces do not turn with the sheet, or a node is free
-        # in some directions only.
+        # The column of each free node in the storage's order; None where forces do not turn with the sheet, or a
+        # node is free in some directions only.
         if not model.turns:
             return None
         node, axis = np.divmod(model.free[: model.n_free_nodes][self._order], 3)
@@ -154,13 +153,6 @@ class LinearSystem:
         ):
             return None
         return node[::3] % (model.lattice.nodes[0] * model.lattice.nodes[1])
-
-    @staticmethod
-    def _slabs(model: Model) -> np.ndarray:
-        nx, ny = model.lattice.nodes
-        node, axis = np.divmod(model.free[: model.n_free_nodes], 3)
-        layer, i, j = np.unravel_index(node, (2, nx, ny))
-        return np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
 
     def factor(
         self,
@@ -206,9 +198,9 @@ class LinearSystem:
         if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
             raise np.linalg.LinAlgError("the Jacobian is not finite")
         change = self._placed(-rate_step * (by_rate + rate_step * by_position))
-        change.band[0] += self.model.mass[self._order]
+        change.nodes[self._storage.diagonal] += self.model.mass[self._order]
         matrix = replace(change, corner=change.corner + self._inertia(q))
-        return Factors(self._order, matrix, rate_step, self._angles(q), self._frames(q))
+        return Factors(self._storage, matrix, rate_step, self._angles(q), self._frames(q))
 
     def turn(
         self,
@@ -271,12 +263,9 @@ class LinearSystem:
         return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
     def _placed(self, values: np.ndarray) -> Bordered:
-        n = self.model.n_free_nodes
-        # The iteration corrects what factors lack, so for large lattices, where memory traffic counts, half
-        # the digits do: they take half the time.
-        band = np.zeros(n * self._width, dtype=np.float32 if n >= SINGLE_PRECISION_SIZE else np.float64)
-        scatter(values, self._inner, self._inner_share, self._inner_slot, band)
-        return Bordered(band.reshape((self._width, n), order="F"), *self._bordering(values, 0))
+        nodes = np.zeros(self._storage.size, dtype=self._storage.dtype)
+        scatter(values, self._inner, self._inner_share, self._storage.slots, nodes)
+        return Bordered(nodes, *self._bordering(values, 0))
 
     def _bordering(self, values: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
         n, n_angles = self.model.n_free_nodes, self.model.n_free_angles

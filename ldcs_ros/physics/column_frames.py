@@ -13,8 +13,9 @@ from ldcs_ros.physics.compiled import compiled
 def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
     """Write the axes of each column's frame as columns, shape (nx ny, 3, 3), from node positions [m], (2 nx ny, 3).
 
-    Tangents along x and y are central differences of both layers together (one-sided at the edges); the normal is
-    their product, and the other two axes lie halfway, so that shear favours neither. A column whose tangents have
+    The normal points from the bottom to the top node: springs along it are the stiffest of a fine lattice. Tangents
+    along x and y are central differences of both layers together (one-sided at the edges), made square to it; the
+    other two axes lie halfway between them, so that shear favours neither. A column whose tangents or normal have
     no direction gets the axes of ldcs_base.
     """
     layer = nx * ny
@@ -23,18 +24,24 @@ def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
         for j in range(ny):
             ahead, behind = min(i + 1, nx - 1) * ny + j, max(i - 1, 0) * ny + j
             left, right = i * ny + min(j + 1, ny - 1), i * ny + max(j - 1, 0)
-            square_along = square_across = 0.0
+            square = slope_along = slope_across = 0.0
             for r in range(3):
                 along[r] = x[ahead, r] + x[layer + ahead, r] - x[behind, r] - x[layer + behind, r]
                 across[r] = x[left, r] + x[layer + left, r] - x[right, r] - x[layer + right, r]
+                normal[r] = x[layer + i * ny + j, r] - x[i * ny + j, r]
+                square += normal[r] ** 2
+                slope_along += along[r] * normal[r]
+                slope_across += across[r] * normal[r]
+            square_along = square_across = product = 0.0
+            for r in range(3):
+                along[r] -= slope_along / square * normal[r]
+                across[r] -= slope_across / square * normal[r]
                 square_along += along[r] ** 2
                 square_across += across[r] ** 2
-            normal[0] = along[1] * across[2] - along[2] * across[1]
-            normal[1] = along[2] * across[0] - along[0] * across[2]
-            normal[2] = along[0] * across[1] - along[1] * across[0]
-            square = normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2
+                product += along[r] * across[r]
             frame = frames[i * ny + j]
-            if not square > 1e-12 * square_along * square_across:
+            # Not a number where top and bottom coincide.
+            if not square_along * square_across - product**2 > 1e-12 * square_along * square_across:
                 for r in range(3):
                     for t in range(3):
                         frame[r, t] = 1.0 if r == t else 0.0

@@ -43,3 +43,12 @@ def compiled(function: Function) -> Function:
     if not HAVE_NUMBA:
         return function
     return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+
+
+def compiled_fast(function: Function) -> Function:
+    """Compile with sums in any order, so that they run in vector registers; for results that are corrected later."""
+    if not HAVE_NUMBA:
+        return function
+    return cast(
+        Function, numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
+    )
