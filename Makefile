@@ -65,8 +65,9 @@ colcon: setup  ## build both packages with colcon into install/, then check what
 bags: setup  ## make the reference bags in bags/ again: BAGS='chirp fault'
 	@$(BIN)/python tools/make_bags.py $(BAGS)
 
-docs: setup  ## write docs/reference.md anew from the tables of the code
+docs: setup  ## write docs/reference.md and the SROS2 policy anew from the tables of the code
 	@$(BIN)/python tools/make_reference.py
+	@$(BIN)/python tools/make_policy.py
 
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh

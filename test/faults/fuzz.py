@@ -34,6 +34,7 @@ CALL_TIMEOUT = 20.0
 LONG_RUN_DOMAIN = 232
 """Beyond those that tests take."""
 IN_BAGS = ("pressure_command", "torque_command", "external_wrench")
+QUITTING = 4
 DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
 UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
 
@@ -143,8 +144,10 @@ class Fuzzer:
         if len(self._pending) > 5 or not client.service_is_ready():
             return
         request = fill(self._random, service.Request(), (*TEXTS, *PARAMETERS))
-        if name.endswith("/reset"):
+        if name.endswith(("/reset", "/reset_simulation")):
             self._sender.start_over()
+        if name.endswith("/set_simulation_state") and request.state.state == QUITTING:
+            request.state.state = 0  # it would end the run, as it should
         self._begin(name, client, request)
 
     def _set_parameters(self) -> None:
