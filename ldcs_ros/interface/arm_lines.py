@@ -15,6 +15,7 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point
 
 _WIDTH = 1.3  # of a link, in thicknesses of the sheet: an arm shows above and below it
+_EDGE = 0.6  # of a driven edge, likewise
 _JOINT = 1.6  # diameter of a joint, likewise
 
 
@@ -66,7 +67,8 @@ class ArmLines:
                 scale = (_JOINT * self._thickness,) * 3
                 drawn.append(Figure(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1]))
             else:
-                drawn.append(Figure(name, LINE_STRIP, (width, 0.0, 0.0), colours.ARM, points=points))
+                thin = (_EDGE * self._thickness, 0.0, 0.0)
+                drawn.append(Figure(name, LINE_STRIP, thin, colours.ARM, points=points))
         return drawn
 
 

@@ -20,7 +20,7 @@ def write_marker_bag(
 ) -> int:
     """Write a new bag with every message of a bag and, for its surfaces, `surface`, `arms`, `loads`, `traces`.
 
-    Bags are recorded without them because they are three times as large with them.
+    Bags are recorded without them because they are twice as large with them.
 
     Args:
         recording: A Recording that carries its scene and holds `nodes`.
