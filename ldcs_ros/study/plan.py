@@ -85,8 +85,10 @@ def full() -> list[Task]:
     for scene in ("arc", "paper", "rig", "hanging_sheet"):
         tasks += _sweep(scene, 9, ("esdirk43", "trbdf2"), fine, weight=0.5)
         tasks += _sweep(scene, 9, ("rosenbrock_w", "rkc2"), fine[:4], runs=2, budget=10.0)
-        tasks += _sweep(scene, 9, ("linearly_implicit_euler",), fine[:2], runs=1, budget=10.0)
-        tasks += _sweep(scene, 9, ("rk4", "semi_implicit_euler"), (1e-4,), runs=1, budget=15.0, weight=5.0)
+        tasks += _sweep(scene, 9, ("linearly_implicit_euler",), fine[:2], runs=1, budget=5.0)
+        tasks += _sweep(scene, 9, ("rk4",), (1e-4,), runs=1, budget=15.0, weight=5.0)
+    for scene in ("arc", "paper", "rig"):
+        tasks += _sweep(scene, 9, ("semi_implicit_euler",), (1e-4,), runs=1, budget=15.0, weight=5.0)
     for scene in ("arc", "paper"):
         tasks += _sweep(scene, 17, ("esdirk43", "trbdf2"), fine[:4], runs=2)
         tasks += _sweep(scene, 17, ("rosenbrock_w", "rkc2"), fine[:3], runs=1, budget=20.0, weight=2.0)
