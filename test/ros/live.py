@@ -110,13 +110,13 @@ class PlainUser:
         self.until(lambda: publisher.get_subscription_count() > 0)
         return publisher
 
-    def call(self, name, service=Trigger, request=None):
+    def call(self, name, service=Trigger, request=None, timeout=10.0):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service, name)
         client = self._clients[name]
         self.until(client.service_is_ready)
         future = client.call_async(request or service.Request())
-        self.until(future.done)
+        self.until(future.done, timeout)
         return future.result()
 
     def change_state(self, transition):

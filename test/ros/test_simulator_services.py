@@ -54,7 +54,9 @@ class Operator(PlainUser):
     def ask(self, kind, **fields):
         """The answer to a call of the service with the usual name."""
         service = getattr(srv, kind)
-        return self.call(f"/ldcs/ldcs_sim/{usual_name(kind)}", service, service.Request(**fields))
+        # A world that is loaded may have its kernels compiled.
+        timeout = 45.0 if kind == "LoadWorld" else 10.0
+        return self.call(f"/ldcs/ldcs_sim/{usual_name(kind)}", service, service.Request(**fields), timeout)
 
     def set_state(self, word):
         """The result code of a change of state."""
