@@ -34,7 +34,7 @@ CALL_TIMEOUT = 20.0
 LONG_RUN_DOMAIN = 232
 """Beyond those that tests take."""
 IN_BAGS = ("pressure_command", "torque_command", "external_wrench")
-QUITTING = 4
+QUITTING = 3
 DOWN = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
 UP = (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -40,8 +41,8 @@ class Worlds:
         found, trouble = {name: _shipped(name) for name in shipped_scenes()}, []
         for source in request.additional_sources:
             folder = Path(source.removeprefix(_SCHEME))
-            if not folder.is_dir():
-                trouble.append(f"no folder {source!r}")
+            if not os.path.isdir(folder):  # Path.is_dir fails at names that no folder can have
+                trouble.append(f"no folder {source[:200]!r}")
                 continue
             for path in sorted(folder.glob("*.yaml")):
                 try:
@@ -89,7 +90,7 @@ def _source(resource: Any) -> str:
         raise Refused(LoadWorld.Response.NO_RESOURCE, reason)
     if not uri:
         return str(text)
-    if uri not in shipped_scenes() and not Path(uri).is_file():
+    if uri not in shipped_scenes() and not os.path.isfile(uri):
         reason = f"{resource.uri!r} is neither a file nor a shipped scene out of {list(shipped_scenes())}"
         raise Refused(Result.RESULT_NOT_FOUND, reason)
     if Path(uri).suffix.lower() not in _SUFFIXES:
