@@ -114,13 +114,15 @@ def user(tmp_path_factory):
     domain = own_domain()
     node = LiveNode(tmp_path_factory.mktemp("simulator") / "node.log", domain, scene="paper")
     user = Operator(domain)
-    user.listen(NODES, "sensor_msgs/PointCloud2")
-    user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
-    # Its kernels may have to be compiled.
-    user.until(lambda: user.received[NODES], timeout=45.0)
-    yield user
-    node.end()
-    user.close()
+    try:
+        user.listen(NODES, "sensor_msgs/PointCloud2")
+        user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+        # Its kernels may have to be compiled.
+        user.until(lambda: user.received[NODES], timeout=45.0)
+        yield user
+    finally:
+        node.end()
+        user.close()
 
 
 @pytest.fixture
