@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from ldcs_ros.interface.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.ros.optional import OPTIONAL
 from ldcs_ros.ros.runner import Mode, Runner
 
 
@@ -37,15 +36,6 @@ def health(
         _recording(recorder, recording_error),
         Status("interfaces", OK, "optional interfaces", interfaces),
     ]
-
-
-def interface_states(present: dict[str, bool], used: set[str]) -> dict[str, str]:
-    """Return the state of each optional interface in words."""
-    words = {}
-    for name, purpose in OPTIONAL.items():
-        state = "in use" if name in used else "installed, not used" if present[name] else "not installed"
-        words[name] = f"{state} ({purpose})"
-    return words
 
 
 def _with_missed(status: Status, missed: int) -> Status:

@@ -25,6 +25,7 @@ MEMORY = "1GiB"
 _DRAW_PERIOD = 0.04  # s of wall time
 _SEARCH_PERIOD = 0.5
 _PATIENCE = 20.0  # s until a picture without a twin is given up
+_HINT_AFTER = 5.0
 _PICTURE_AFTER = 1.0  # s of drawing
 
 
@@ -100,6 +101,8 @@ def _follow(
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     began, searched, drawn, first = time.monotonic(), 0.0, 0.0, 0.0
+    advice = "start one with `make sim`, or name its namespace: --live NAMESPACE"
+    hinted = False
     while not stopped(0.0):
         executor.spin_once(timeout_sec=_DRAW_PERIOD)
         now = time.monotonic()
@@ -110,14 +113,16 @@ def _follow(
             drawn = now
             surfaces = show.draw()
             first = first or (now if surfaces else 0.0)
+        if not (first or hinted) and now > began + _HINT_AFTER:
+            hinted = True
+            print(f"{NAME}: no twin is heard in {arguments.namespace} yet; {advice}", file=sys.stderr)
         if arguments.screenshot is not None:
             if first and now > first + _PICTURE_AFTER:
                 save_picture(address, arguments.screenshot)
                 return 0
             if not first and now > began + _PATIENCE:
                 raise ViewingError(
-                    f"no twin sent a surface in {arguments.namespace} within {_PATIENCE:g} s; start one with "
-                    "`make sim`, or name its namespace: --live NAMESPACE"
+                    f"no twin sent a surface in {arguments.namespace} within {_PATIENCE:g} s; {advice}"
                 )
     return 0
 
@@ -139,7 +144,7 @@ class Listener:
         """Look for topics that are new."""
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-        from ldcs_ros.ros.transport import message_type
+        from ldcs_ros.ros.optional import message_type
         from ldcs_ros.viewing.live import is_shown
 
         prefix = self._node.get_namespace().rstrip("/") + "/"

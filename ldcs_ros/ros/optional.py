@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
+from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
+
+from rclpy.type_support import check_for_type_support
 
 OPTIONAL: dict[str, str] = {
     "ldcs_msgs": "arm_command, lattice_state, solver_status, apply_wrench, load_scene",
@@ -10,16 +15,53 @@ OPTIONAL: dict[str, str] = {
     "tf2_msgs": "/tf and /tf_static",
     "launch": "the launch files",
 }
+# A message of each package of messages: whether its library fits this Python and this ROS shows when it is loaded.
+_PROBES = {
+    "ldcs_msgs": "ldcs_msgs/msg/LatticeState",
+    "simulation_interfaces": "simulation_interfaces/msg/Result",
+    "tf2_msgs": "tf2_msgs/msg/TFMessage",
+}
+
+
+@cache
+def obstacle(package: str) -> str:
+    """Return why a package cannot be used, in words; '' when it can."""
+    spec = find_spec(package)
+    # A folder that happens to have the name, such as a package's sources, has no origin.
+    if spec is None or spec.origin is None:
+        return "not installed"
+    try:
+        if package in _PROBES:
+            check_for_type_support(message_type(_PROBES[package]))
+    except Exception as error:  # built for another Python or another ROS: it fails in many ways
+        return f"cannot be loaded: {' '.join(str(error).split()) or repr(error)}"
+    return ""
 
 
 def installed() -> dict[str, bool]:
-    """Return for each optional package whether it can be imported."""
-    # A folder that happens to have the name, such as a package's sources, has no origin.
-    specs = {name: find_spec(name) for name in OPTIONAL}
-    return {name: spec is not None and spec.origin is not None for name, spec in specs.items()}
+    """Return for each optional package whether it can be used."""
+    return {name: not obstacle(name) for name in OPTIONAL}
 
 
-def missing_line(present: dict[str, bool]) -> str:
+def missing_line() -> str:
     """Return the one line that says what is left out; '' when nothing is."""
-    missing = [f"{name} ({OPTIONAL[name]})" for name, there in present.items() if not there]
-    return f"not installed, left out: {', '.join(missing)}" if missing else ""
+    obstacles = {name: obstacle(name) for name in OPTIONAL}
+    groups: dict[str, list[str]] = {}
+    for name, why in obstacles.items():
+        groups.setdefault(why, []).append(f"{name} ({OPTIONAL[name]})")
+    return "; ".join(f"{why}, left out: {', '.join(names)}" for why, names in groups.items() if why)
+
+
+def interface_states(used: set[str]) -> dict[str, str]:
+    """Return the state of each optional interface in words, given those that are used."""
+    words = {}
+    for name, purpose in OPTIONAL.items():
+        state = "in use" if name in used else obstacle(name) or "installed, not used"
+        words[name] = f"{state} ({purpose})"
+    return words
+
+
+def message_type(name: str) -> Any:
+    """Return the rclpy class of a type such as 'std_msgs/msg/Header'."""
+    package, _, kind = name.split("/")
+    return getattr(import_module(f"{package}.msg"), kind)

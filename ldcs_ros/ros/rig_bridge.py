@@ -26,11 +26,12 @@ from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.recorder import Recorder
 from ldcs_ros.interface.topics import Topic
+from ldcs_ros.ros.optional import message_type
 from ldcs_ros.ros.parameters import declare
 from ldcs_ros.ros.qos import check_overrides
 from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS
 from ldcs_ros.ros.runner import Periodic
-from ldcs_ros.ros.transport import Transport, message_type
+from ldcs_ros.ros.transport import Transport
 
 NODE_NAME = "ldcs_bridge"
 DEFAULT_NAMESPACE = "/ldcs"

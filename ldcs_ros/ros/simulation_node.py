@@ -20,9 +20,9 @@ from ldcs_ros.interface.watchdog import Watchdog
 from ldcs_ros.ros import parameters
 from ldcs_ros.ros.bag_keeper import BagKeeper
 from ldcs_ros.ros.clock_watch import ClockWatch, sim_time_complaint
-from ldcs_ros.ros.health import health, interface_states
+from ldcs_ros.ros.health import health
 from ldcs_ros.ros.namesakes import Namesakes
-from ldcs_ros.ros.optional import installed, missing_line
+from ldcs_ros.ros.optional import installed, interface_states, missing_line
 from ldcs_ros.ros.pacing import Pacer, tolerance
 from ldcs_ros.ros.parameter_service import WholeParameterService
 from ldcs_ros.ros.qos import check_overrides
@@ -216,8 +216,8 @@ class SimulationNode(LifecycleNode):
             used.add("simulation_interfaces")
         if self._value("publish_tf") and present["tf2_msgs"]:
             used.add("tf2_msgs")
-        self._interfaces = interface_states(present, used)
-        missing = missing_line(present)
+        self._interfaces = interface_states(used)
+        missing = missing_line()
         if missing:
             self.get_logger().info(missing)
         complaint = sim_time_complaint(

@@ -23,9 +23,9 @@ from ldcs_ros.bridge.mock.serial_port import SerialPort
 from ldcs_ros.bridge.mock.stand import Speaker, Stand
 from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.errors import BridgeError
+from ldcs_ros.ros.optional import message_type
 from ldcs_ros.ros.parameters import declare
 from ldcs_ros.ros.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
-from ldcs_ros.ros.transport import message_type
 
 NODE_NAME = "mock_rig"
 FAULT = "fault_"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
@@ -14,6 +12,7 @@ from rclpy.subscription import Subscription
 
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.ros.intake import Intake
+from ldcs_ros.ros.optional import message_type, obstacle
 from ldcs_ros.ros.qos import OPTIONS, profile, with_profile
 
 
@@ -34,14 +33,14 @@ class Transport:
     def open(self, topics: Iterable[Topic], receive: Callable[[str, bytes], None]) -> dict[str, Topic]:
         """Publish the outgoing topics; hand the bytes of incoming ones to `receive(topic, cdr)`.
 
-        Topics whose message package is not installed are left out; those that are open stay as they are.
+        Topics whose message package cannot be used are left out; those that are open stay as they are.
 
         Returns:
             Those of the topics that are open, by name, each with the quality of service that it got.
         """
         asked = list(topics)
         for topic in asked:
-            if topic.name in self._opened or find_spec(topic.type.split("/")[0]) is None:
+            if topic.name in self._opened or obstacle(topic.type.split("/")[0]):
                 continue
             kind, qos = message_type(topic.type), profile(topic)
             if topic.direction == "out":
@@ -90,9 +89,3 @@ class Transport:
         publisher = self._publishers.get(topic)
         if publisher is not None:
             publisher.publish(cdr)
-
-
-def message_type(name: str) -> Any:
-    """Return the rclpy class of a type such as 'std_msgs/msg/Header'."""
-    package, _, kind = name.split("/")
-    return getattr(import_module(f"{package}.msg"), kind)

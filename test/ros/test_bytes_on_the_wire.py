@@ -13,8 +13,7 @@ from ldcs_ros import load_scene
 from ldcs_ros.interface.cdr import decode
 from ldcs_ros.interface.messages import pressure_command
 from ldcs_ros.interface.twin import Twin
-from ldcs_ros.ros.optional import installed
-from ldcs_ros.ros.transport import message_type
+from ldcs_ros.ros.optional import installed, message_type
 
 
 def same(ours, theirs):

@@ -115,24 +115,6 @@ def test_a_scene_is_loaded_paused_when_the_twin_is_paused(start):
     assert user.call("/ldcs/ldcs_sim/step").message == "t = 0.02 s"
 
 
-def test_without_the_interface_packages_the_node_runs_and_says_what_is_left_out(start, tmp_path):
-    absent = (
-        "import sys; sys.modules.update(dict.fromkeys(['ldcs_msgs', 'tf2_msgs', 'simulation_interfaces']))"
-    )
-    program = tmp_path / "without.py"
-    program.write_text(f"{absent}\nfrom ldcs_ros.ros.sim_node import main\nsys.exit(main())\n")
-    node, user = start(program=program, scene="single_spring", publish_tf=True)
-    user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
-    told = user.diagnostics("interfaces")
-    assert all(told[name].startswith("not installed") for name in ("ldcs_msgs", "tf2_msgs"))
-    assert node.output.count("not installed, left out: ldcs_msgs") == 1
-    services = {name for name, _ in user.node.get_service_names_and_types()}
-    assert "/ldcs/ldcs_sim/pause" in services and "/ldcs/ldcs_sim/load_scene" not in services
-    topics = {name for name, _ in user.node.get_topic_names_and_types()}
-    assert not {"/tf", "/ldcs/lattice_state", "/ldcs/arm_command"} & topics
-    assert node.stop(signal.SIGINT) == 0
-
-
 def test_the_service_files_are_those_that_are_built():
     folder = Path(__file__).parents[2] / "msg_defs" / "srv"
     assert sorted(path.stem for path in folder.glob("*.srv")) == ["ApplyWrench", "LoadScene"]

@@ -1,0 +1,45 @@
+"""A node without the packages that it can do without, or with one that does not load, runs and says so truthfully."""
+
+from __future__ import annotations
+
+import os
+import signal
+
+import pytest
+
+PROGRAM = """\
+import sys
+sys.modules.update(dict.fromkeys(['ldcs_msgs', 'simulation_interfaces']))
+from ldcs_ros.ros.sim_node import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture
+def broken_tf2_msgs(tmp_path, monkeypatch):
+    """Nodes that are started find a tf2_msgs first whose libraries are of another Python."""
+    package = tmp_path / "broken" / "tf2_msgs"
+    (package / "msg").mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "msg" / "__init__.py").write_text("raise ImportError('undefined symbol:\\n  PyOther')\n")
+    paths = filter(None, [str(package.parent), os.environ.get("PYTHONPATH")])
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+
+
+def test_it_runs_and_says_what_is_left_out_and_why(start, tmp_path, broken_tf2_msgs):
+    program = tmp_path / "without.py"
+    program.write_text(PROGRAM)
+    node, user = start(program=program, scene="single_spring", publish_tf=True, record=tmp_path / "bag")
+    user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+    told = user.diagnostics("interfaces")
+    assert told["ldcs_msgs"].startswith("not installed (")
+    assert told["tf2_msgs"] == "cannot be loaded: undefined symbol: PyOther (/tf and /tf_static)"
+    (line,) = [line for line in node.output.splitlines() if "left out" in line]
+    assert "not installed, left out: ldcs_msgs (" in line
+    assert "cannot be loaded: undefined symbol: PyOther, left out: tf2_msgs" in line
+    services = {name for name, _ in user.node.get_service_names_and_types()}
+    assert "/ldcs/ldcs_sim/pause" in services and "/ldcs/ldcs_sim/load_scene" not in services
+    topics = {name for name, _ in user.node.get_topic_names_and_types()}
+    assert "/ldcs/nodes" in topics and not {"/tf", "/ldcs/lattice_state", "/ldcs/arm_command"} & topics
+    assert node.stop(signal.SIGINT) == 0
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
