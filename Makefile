@@ -90,7 +90,7 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py ldcs_msgs && touch $@ || true
 
 # Half a minute, once; without it the tests that need it are skipped.
-$(STAND_IN): $(READY) $(shell find test/ros/simulation_interfaces test/ros/stand_ins -type f)
+$(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
 .PHONY: help setup sim test bench lint hard viewer soak fuzz faults types msgs colcon bags docs lock clean
