@@ -15,6 +15,8 @@ from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
 MM, KPA = 1e3, 1e-3
+# A piece of a curve costs a kilobyte however short it is.
+_CURVES_EVERY = 5
 _BACK = 1e-6  # s: by more than this, time has gone back
 
 
@@ -85,12 +87,20 @@ class LiveShow:
                 entity = ARMS if topic == ARMS else LOADS
                 self._stage.figures(entity, _stamp(message.markers[0]), figures_of(message))
         for topic, row in rows.items():
-            self._draw_rows(topic, np.array([time for time, _ in row]), np.array([value for _, value in row]))
+            times_of, values = np.array([time for time, _ in row]), np.array([value for _, value in row])
+            parts = topic.split("/")
+            if parts[0] == "truth":
+                self._stage.points(times_of, {parts[-2]: values})
+            self._waiting.setdefault(topic, []).append((times_of, values))
+        self._draws += 1
+        if self._draws % _CURVES_EVERY == 0:
+            self._draw_curves()
         self._lay_out()
         return self._surfaces
 
     def close(self) -> None:
-        """End the recording; what was drawn has been handed over then."""
+        """End the recording; all that was received has been handed over then."""
+        self._draw_curves()
         self._stream.disconnect()
 
     def _begin(self) -> None:
@@ -98,19 +108,25 @@ class LiveShow:
         self._stage = Stage(self._stream)
         self._time = -np.inf
         self._surfaces = 0
+        self._draws = 0
+        self._waiting: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         self._origins: dict[str, np.ndarray] = {}
         self._laid_out: tuple[Any, ...] = ()
 
     def _add(self, topic: str, time: float, values: list[float]) -> None:
         self._rows.setdefault(topic, []).append((time, np.array(values)))
 
-    def _draw_rows(self, topic: str, times: np.ndarray, values: np.ndarray) -> None:
+    def _draw_curves(self) -> None:
+        waiting, self._waiting = self._waiting, {}
+        for topic, rows in waiting.items():
+            times, values = (np.concatenate(part) for part in zip(*rows, strict=True))
+            self._draw_curve(topic, times, values)
+
+    def _draw_curve(self, topic: str, times: np.ndarray, values: np.ndarray) -> None:
         parts = topic.split("/")
         if parts[-1] == "pose":
             name, truth = parts[-2], parts[0] == "truth"
             origin = self._origins.setdefault(topic, values[0])
-            if truth:
-                self._stage.points(times, {name: values})
             title = f"{name} {'state' if truth else 'tracker'}: moved so far [mm]"
             self._stage.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
