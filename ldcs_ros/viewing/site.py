@@ -101,7 +101,7 @@ class _Gate(ThreadingHTTPServer):
         """The content security policy: the page asks for fonts and reports its use on the internet otherwise."""
         inline = "'self' 'unsafe-inline'"
         return (
-            f"default-src 'self'; script-src {inline} 'unsafe-eval' 'wasm-unsafe-eval'; style-src {inline}; "
+            f"default-src 'self'; script-src {inline} 'wasm-unsafe-eval'; style-src {inline}; "
             f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' {self.data_origin}"
         )
 
