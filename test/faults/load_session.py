@@ -48,6 +48,16 @@ def figures(pid: int) -> Figures:
     )
 
 
+def as_urgent_as_this(pid: int) -> None:
+    """Give the session of a process the `nice` of this one, if that is urgent.
+
+    Where Linux shares the processor out by sessions, `nice` counts within one only, and the node has its own.
+    """
+    group = Path(f"/proc/{pid}/autogroup")
+    if os.nice(0) < 0 and group.exists():
+        group.write_text(str(os.nice(0)))
+
+
 class Session:
     """The node in its process and a plain ROS user beside it; to be used in a `with` statement.
 
@@ -64,6 +74,7 @@ class Session:
         self.bag = parameters.get("record")
         self.domain = own_domain() if domain is None else domain
         self.node = LiveNode(folder / "node.log", self.domain, **parameters)
+        as_urgent_as_this(self.node.process.pid)
         self.user = PlainUser(self.domain)
         self.user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+from load_session import as_urgent_as_this
+
 LOOP = """
 import sys, time
 period, tolerance = float(sys.argv[1]), float(sys.argv[2])
@@ -35,6 +37,7 @@ class Witness:
     def __init__(self, rate: float, tolerance: float = 0.02) -> None:
         command = [sys.executable, "-c", LOOP, str(1.0 / rate), str(tolerance)]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+        as_urgent_as_this(self._process.pid)
         assert self._process.stdout is not None
         self._process.stdout.readline()
 
