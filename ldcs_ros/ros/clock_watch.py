@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 from rclpy.node import Node
@@ -12,8 +13,9 @@ from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.topics import TOPICS
 
 CLOCK = TOPICS["/clock"].name
-DISCOVERY_TIME = 2.0
-"""Wall time in which the publishers that were there before are known [s]; on a busy machine it takes one."""
+DISCOVERY_TIME = 1.5
+"""Wall time in which the publishers that were there before are known [s], on a machine that is not overloaded."""
+_MOST_OVERLOAD = 5.0
 NAMELESS = "somebody without a name"
 
 
@@ -49,11 +51,14 @@ class ClockWatch:
         Raises:
             LdcsError: Somebody publishes a clock.
         """
+        # The others need the processor to answer.
+        overload = os.getloadavg()[0] / (os.cpu_count() or 1)
+        patience = DISCOVERY_TIME * min(max(1.0, overload), _MOST_OVERLOAD)
         while True:
             others = self._publishers()
             # A publisher is often found a moment before the name of its node.
             known = others and NAMELESS not in others
-            if known or time.monotonic() > self._since + DISCOVERY_TIME:
+            if known or time.monotonic() > self._since + patience:
                 break
             time.sleep(0.02)
         if others:

@@ -20,6 +20,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 _numbers = itertools.count()
@@ -80,6 +81,13 @@ class PlainUser:
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+    def follower(self):
+        """A node of the same user that takes its time from /clock."""
+        sim_time = [Parameter("use_sim_time", value=True)]
+        node = Node("follower", context=self._context, parameter_overrides=sim_time)
+        self._executor.add_node(node)
+        return node
 
     def listen(self, topic, message_type):
         package, kind = message_type.split("/")

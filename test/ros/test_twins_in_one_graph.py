@@ -157,6 +157,19 @@ def test_the_clock_is_the_first_twins_time(twins, user):
     assert twins.status("twin1", "clock")[:2] == (0, "the clock of this graph")
 
 
+def test_a_node_that_uses_sim_time_has_the_twins_time_and_waits_with_it(user):
+    follower = user.follower()
+    user.until(lambda: follower.get_clock().now().nanoseconds > 0)
+    assert abs(stamp(user.next("/twin1/nodes")) - follower.get_clock().now().nanoseconds) < 10**9
+    assert user.call("/twin1/ldcs_sim/pause").success
+    user.spin(0.2)
+    stood = follower.get_clock().now()
+    user.spin(0.3)
+    assert follower.get_clock().now() == stood
+    assert user.call("/twin1/ldcs_sim/resume").success
+    user.until(lambda: follower.get_clock().now() > stood)
+
+
 def test_a_second_clock_is_refused_in_one_line(twins, user):
     third = twins.start("twin3", publish_clock=True)
     assert third.process.wait(30.0) == 2
