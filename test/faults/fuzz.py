@@ -143,12 +143,15 @@ class Fuzzer:
         client, service = self._clients[name]
         if len(self._pending) > 5 or not client.service_is_ready():
             return
-        request = fill(self._random, service.Request(), (*TEXTS, *PARAMETERS))
         if name.endswith(("/reset", "/reset_simulation")):
             self._sender.start_over()
+        self._begin(name, client, self._request(name, service))
+
+    def _request(self, name: str, service):
+        request = fill(self._random, service.Request(), (*TEXTS, *PARAMETERS))
         if name.endswith("/set_simulation_state") and request.state.state == QUITTING:
             request.state.state = 0  # it would end the run, as it should
-        self._begin(name, client, request)
+        return request
 
     def _set_parameters(self) -> None:
         service = self._random.choice((SetParameters, SetParametersAtomically))
@@ -267,7 +270,7 @@ class Fuzzer:
     def _call_each(self) -> None:
         for name, (client, service) in self._clients.items():
             if client.service_is_ready() and not name.endswith("(drawn)"):
-                self._begin(name, client, fill(self._random, service.Request()))
+                self._begin(name, client, self._request(name, service))
         self._finish_calls()
 
 
