@@ -92,13 +92,13 @@ def bridge_permissions(scene: str, rigs: Iterable[str]) -> Permissions:
         reply={*services, *NODE_SERVICES},
         execute=set(actions),
     )
-    for rig in rigs:
-        bridge = Bridge(load_scene(scene), load_rig(rig), mode=Mode.MIRROR, clock=time.monotonic)
-        permissions.publish |= {name for name, one in bridge.twin.topics.items() if one.direction == "out"}
-        for link in bridge.links:
-            if isinstance(link, TopicLink):
-                permissions.subscribe |= set(link.incoming)
-                permissions.publish |= {link.outgoing.topic} if link.outgoing else set()
+    rig_files = [load_rig(rig) for rig in rigs]
+    bridge = Bridge(load_scene(scene), rig_files[0], mode=Mode.MIRROR, clock=time.monotonic)
+    permissions.publish |= {name for name, one in bridge.twin.topics.items() if one.direction == "out"}
+    for link in (link for rig in rig_files for link in rig.connect(time.monotonic)):
+        if isinstance(link, TopicLink):
+            permissions.subscribe |= set(link.incoming)
+            permissions.publish |= {link.outgoing.topic} if link.outgoing else set()
     return permissions
 
 

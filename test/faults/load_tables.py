@@ -30,6 +30,7 @@ def row(what: str, measured: object, required: str, kept: bool) -> dict[str, obj
 
 def save(docs: Path, name: str, run: dict[str, object]) -> None:
     """Keep the figures of a run beside those of the others, and write the page anew."""
+    docs.mkdir(parents=True, exist_ok=True)
     file = docs / "under_load.json"
     runs = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     runs[name] = run
