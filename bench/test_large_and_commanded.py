@@ -21,7 +21,7 @@ LARGE_SPAN, COURSE_SPAN = 0.5, 0.6
 STEP = 0.02  # s, of the baseline: an error of 2e-5 m at 65 x 65
 
 # Sizes -> most that the power of the number of nodes may be by which cost grows between them.
-GROWTH = {(17, 33): 1.5, (33, 65): 2.0}
+GROWTH = {(17, 33): 1.6, (33, 65): 1.6}
 # (problem, Hz) -> most CPU times of the smooth case.
 COMMANDED = {
     ("arc_pushed", 100.0): 8.0,
@@ -55,7 +55,7 @@ def test_cost_grows_with_the_lattice_no_faster_than_it_did(sizes):
 
 @pytest.mark.timeout(600)
 def test_a_large_lattice_costs_no_more_baselines_than_it_did():
-    limit = 0.55
+    limit = 0.45
     simulation = scene_of("arc", 65).build()
     mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
     ArcBaseline(5, STEP, 1e3).run((LARGE_SPAN,))  # compiles

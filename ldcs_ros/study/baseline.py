@@ -177,6 +177,11 @@ class ArcBaseline:
         self._load = force.value[2]
         self._scheme = (self.stages, known.mu, known.nu, known.mu_tilde, known.gamma_tilde, known.c)
 
+    def step(self) -> None:
+        """Take the first step, to see what one costs."""
+        state = np.stack([self._rest, np.zeros_like(self._rest)])
+        _run(state, *self._constants, self._load, self.h, 0, 1, *self._scheme)
+
     def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
         """Return node positions at times [m] with a further load that is set anew at a rate.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import subprocess
@@ -9,18 +10,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros.study.problems import scene_of
+from ldcs_ros.study.problems import ERROR_TIMES, scene_of
 from ldcs_ros.study.tasks import Row, Task
 from ldcs_ros.study.timing import best_of
 
-# What is timed of each size: the drive is half way at its end, and nine tenths of a run's steps are in the first second
-# [s].
-SPAN = 0.5
 MIB = 1024.0  # KiB
 
 
 def growth(task: Task) -> list[Row]:
-    """Return the row of one lattice size, measured in a process of its own; `extra` has span [s] and peak memory [MiB].
+    """Return the row of one lattice size, measured in a process of its own; `extra` has its peak memory [MiB].
 
     Raises:
         RuntimeError: The process failed; the message is its last line.
@@ -36,26 +34,28 @@ def growth(task: Task) -> list[Row]:
         )
     values = json.loads(made.stdout)
     peak = values.pop("peak")
-    extra = f"span {SPAN:g} peak {peak:.0f}"
+    extra = f"peak {peak:.0f}"
     return [
         Row("growth", task.scene, task.nodes, task.method, task.setting, task.value, extra=extra, **values)
     ]
 
 
 def measure(scene: str, nodes: int, accuracy: float, runs: int) -> dict[str, Any]:
-    """Return the cost of the first SPAN seconds and the peak memory of this process [MiB]."""
-    # Compiles what is not in the cache; the model is built in the time that is measured, as in every other row.
-    scene_of(scene, 5, accuracy=accuracy).build().advance_to(0.05)
+    """Return the cost of a whole run and the peak memory of this process [MiB]."""
     asked = scene_of(scene, nodes, accuracy=accuracy)
+    # Loads and compiles; which kernels factor depends on the size. The model is built in the time that is measured, as
+    # in every other row.
+    asked.build().advance_to(1e-4)
+    gc.collect()
 
     def run() -> Any:
         simulation = asked.build()
-        simulation.advance_to(SPAN)
+        simulation.advance_to(ERROR_TIMES[-1])
         return simulation.statistics
 
     cpu, counts = best_of(runs, run)
     return {
-        "cpu": cpu / SPAN,
+        "cpu": cpu / ERROR_TIMES[-1],
         "steps": counts.steps,
         "rejected": counts.rejected_steps,
         "evaluations": counts.evaluations,

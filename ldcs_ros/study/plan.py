@@ -69,7 +69,7 @@ def targets() -> list[Task]:
         *_baseline(33, (0.02, 0.01), weight=4.0),
         *_sweep("arc", 33, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_sweep("arc", 65, ("esdirk43",), (1e-4, 2e-5), runs=1, budget=300.0, weight=8.0),
-        *_baseline(65, (0.02, 0.01), weight=40.0),
+        *_baseline(65, (0.02, 0.01), weight=35.0, budget=120.0),
         *_sweep("arc", 65, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_growth((17, 33, 65, 129)),
         *_rates((SMOOTH, 100.0, 1000.0)),
@@ -110,7 +110,7 @@ def full() -> list[Task]:
     tasks += _sweep("arc", 33, ("rosenbrock_w", "rkc2"), (1e-4,), runs=1, budget=20.0, weight=6.0)
     tasks += _sweep("arc", 65, ("esdirk43", "trbdf2"), (1e-3, 1e-5), runs=1, budget=200.0, weight=8.0)
     tasks += _sweep("arc", 129, ("esdirk43",), (1e-3, 1e-4, 2e-5), runs=1, budget=400.0, weight=40.0)
-    tasks += _baseline(129, (0.02,), weight=60.0)
+    tasks += _baseline(129, (0.02,), weight=8.0)
     tasks += [Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, weight=8.0) for scene in ("arc", "paper")]
     tasks += [
         Task("effect", scene, 9, "esdirk43", "leave out", 0.0, weight=4.0) for scene in ("rig", "paper")
@@ -155,8 +155,10 @@ def _fixed(
     return [Task("curve", scene, nodes, name, "dt", h, runs, weight=weight) for name, h in made]
 
 
-def _baseline(nodes: int, steps: tuple[float, ...] = BASELINE_STEPS, *, weight: float = 0.5) -> list[Task]:
-    return [Task("curve", "arc", nodes, BASELINE, "dt", h, weight=weight) for h in steps]
+def _baseline(
+    nodes: int, steps: tuple[float, ...] = BASELINE_STEPS, *, weight: float = 0.5, budget: float = 30.0
+) -> list[Task]:
+    return [Task("curve", "arc", nodes, BASELINE, "dt", h, 3, budget, weight) for h in steps]
 
 
 def _promises() -> list[Task]:

@@ -31,8 +31,7 @@ def report(rows: Sequence[Row], *, machine: dict[str, str], commands: Sequence[s
         f"Made by {' and then '.join(f'`{command}`' for command in commands)}, with everything in one process on one "
         f"thread side by side unless it says `--jobs`; the numbers are in `study.csv`. CPU time is the best of "
         f"several runs, so ratios mean more than times. The error is the largest distance of any node coordinate "
-        f"from a reference (`esdirk43` at 1e-9 m; 1e-7 m for 65 x 65, 1e-6 m for 129 x 129) at t = 0.5, 1, 2 and 3 "
-        f"s, of 129 x 129 at 0.5 s only, where its runs end.",
+        f"from a reference (`esdirk43` at 1e-9 m; 1e-8 m for 65 x 65, 1e-7 m for 129 x 129) at t = 0.5, 1, 2 and 3 s.",
         table(("", ""), [(name, value) for name, value in machine.items()]),
         "## Recommendation",
         recommendation(rows),

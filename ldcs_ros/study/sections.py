@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ldcs_ros.integrators import INTEGRATORS, integrator_class
 from ldcs_ros.study.command_rates import ACCURACY, SMOOTH, against_smooth
 from ldcs_ros.study.courses import PERIOD
-from ldcs_ros.study.growth import SPAN, exponents, measured, peak_memory
+from ldcs_ros.study.growth import exponents, measured, peak_memory
 from ldcs_ros.study.markdown import table
 from ldcs_ros.study.orders import WHOLE, mean_order, orders
 from ldcs_ros.study.problems import ERROR_TIMES
@@ -49,8 +49,8 @@ def large_lattices(rows: Sequence[Row]) -> list[str]:
     fitted, ends = exponents(made)
     first = made[0]
     text = (
-        f"Scene `{first.scene}`, whose material stays the same, at {first.value:.0e} m in time: the first {SPAN:g} s, "
-        f"which are the dearest (the drive is half way at their end, and after 1 s the sheet comes to rest). Each size "
+        f"Scene `{first.scene}`, whose material stays the same, at {first.value:.0e} m in time, all of its "
+        f"{ERROR_TIMES[-1]:g} s. Each size "
         f"in a process of its own, peak memory with Python and all libraries. Over all sizes the cost grows as nodes "
         f"to the power {fitted:.2f} (least squares), {ends:.2f} from end to end."
     )

@@ -17,9 +17,7 @@ from ldcs_ros.study.timing import best_of
 
 REFERENCE_ACCURACY = 1e-9  # m
 # Of larger lattices: still a hundredth of what is asked of them [nodes along a side -> m].
-COARSER_REFERENCES = {65: 1e-7, 129: 1e-6}
-# From this size on only the course up to the first comparison time is run.
-SHORT_COURSE = 129
+COARSER_REFERENCES = {65: 1e-8, 129: 1e-7}
 # A run whose first PROBE seconds foretell more than the budget is not made.
 PROBE = 0.005  # s of simulation time
 # Methods that choose their steps by accuracy are judged by more, and stopped if the budget is spent before the end.
@@ -108,17 +106,10 @@ def key_of(row: Row) -> tuple[str, str, int, str, str, str]:
     return row.kind, row.scene, row.nodes, row.method, row.setting, f"{row.value:.6g}"
 
 
-def compared_at(nodes: int) -> tuple[float, ...]:
-    """Return when positions of a lattice are compared [s]; the last time ends a run."""
-    return ERROR_TIMES if nodes < SHORT_COURSE else ERROR_TIMES[:1]
-
-
 def reference(scene: str, nodes: int) -> np.ndarray:
-    """Return the reference positions of a problem at the comparison times [m]."""
+    """Return the reference positions of a problem at ERROR_TIMES [m]."""
     accuracy = COARSER_REFERENCES.get(nodes, REFERENCE_ACCURACY)
-    return positions(
-        scene_of(scene, nodes, integrator="esdirk43", accuracy=accuracy).build(), compared_at(nodes)
-    )
+    return positions(scene_of(scene, nodes, integrator="esdirk43", accuracy=accuracy).build(), ERROR_TIMES)
 
 
 def perform(task: Task, known: np.ndarray | None = None) -> list[Row]:
@@ -156,7 +147,6 @@ def _row(task: Task, **values: Any) -> Row:
 
 
 def _curve(task: Task, known: np.ndarray | None) -> Row:
-    times = compared_at(task.nodes)
     if task.method == BASELINE:
         return _baseline(task, known)
     if task.method in SCIPY:
@@ -165,23 +155,23 @@ def _curve(task: Task, known: np.ndarray | None) -> Row:
     limited = task.setting == "dt" or task.method in LIMITED
     pace = _pace(scene, PROBE if limited else LONG_PROBE)
     # Steps that stability limits keep their pace; others may only be watched.
-    if limited and pace * times[-1] > task.budget:
+    if limited and pace * ERROR_TIMES[-1] > task.budget:
         return _row(
             task, cpu=pace, failure=f"too slow: {pace:.2g} CPU s per simulated second by its first steps"
         )
-    watched = pace * times[-1] > WATCHED_SHARE * task.budget
+    watched = pace * ERROR_TIMES[-1] > WATCHED_SHARE * task.budget
 
     def run() -> tuple[np.ndarray, Any]:
         simulation = scene.build()
         if watched:
-            return np.array(_watch(simulation, times, task.budget)), simulation.statistics
-        return positions(simulation, times), simulation.statistics
+            return np.array(_watch(simulation, task.budget)), simulation.statistics
+        return positions(simulation, ERROR_TIMES), simulation.statistics
 
     cpu, (course, counts) = best_of(task.runs, run)
     return _row(
         task,
         error=_error(course, known),
-        cpu=cpu / times[-1],
+        cpu=cpu / ERROR_TIMES[-1],
         steps=counts.steps,
         rejected=counts.rejected_steps,
         evaluations=counts.evaluations,
@@ -192,13 +182,13 @@ def _curve(task: Task, known: np.ndarray | None) -> Row:
 def _scipy(task: Task, known: np.ndarray | None) -> Row:
     from ldcs_ros.study.scipy_solvers import solve
 
-    times, kind = compared_at(task.nodes), task.method.removeprefix("scipy_")
+    kind = task.method.removeprefix("scipy_")
     scene = scene_of(task.scene, task.nodes)
     scene.build().advance_to(1e-4)  # loads and compiles
     cpu, (course, counts) = best_of(
-        task.runs, lambda: solve(scene.build(), kind, task.value, times, budget=task.budget)
+        task.runs, lambda: solve(scene.build(), kind, task.value, ERROR_TIMES, budget=task.budget)
     )
-    return _row(task, error=_error(course, known), cpu=cpu / times[-1], **counts)
+    return _row(task, error=_error(course, known), cpu=cpu / ERROR_TIMES[-1], **counts)
 
 
 def _baseline(task: Task, known: np.ndarray | None) -> Row:
@@ -207,15 +197,23 @@ def _baseline(task: Task, known: np.ndarray | None) -> Row:
 
     if not HAVE_NUMBA:
         raise RuntimeError("the compiled baseline needs numba")
-    times = compared_at(task.nodes)
     simulation = scene_of("arc", task.nodes).build()
     mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
     ArcBaseline(5, 0.1, 1e3).run(ERROR_TIMES[:1])  # compiles
     solver = ArcBaseline(task.nodes, task.value, mode.spectral_radius)
-    cpu, course = best_of(task.runs, lambda: solver.run(times))
-    steps = round(times[-1] / solver.h)
+    pace = best_of(1, solver.step)[0] / solver.h
+    if pace * ERROR_TIMES[-1] > task.budget:
+        return _row(
+            task, cpu=pace, failure=f"too slow: {pace:.2g} CPU s per simulated second by its first step"
+        )
+    cpu, course = best_of(task.runs, lambda: solver.run(ERROR_TIMES))
+    steps = round(ERROR_TIMES[-1] / solver.h)
     return _row(
-        task, error=_error(course, known), cpu=cpu / times[-1], steps=steps, evaluations=steps * solver.stages
+        task,
+        error=_error(course, known),
+        cpu=cpu / ERROR_TIMES[-1],
+        steps=steps,
+        evaluations=steps * solver.stages,
     )
 
 
@@ -227,14 +225,14 @@ def _pace(scene: Any, probe: float) -> float:
     return cpu / (probe - 1e-4)
 
 
-def _watch(simulation: Any, times: tuple[float, ...], budget: float) -> list[np.ndarray]:
+def _watch(simulation: Any, budget: float) -> list[np.ndarray]:
     """Return the positions at the comparison times of a long run, looked at now and then.
 
     Raises:
         RuntimeError: It has taken more CPU time than the budget [s].
     """
     began, course = time.thread_time(), []
-    for asked in times:
+    for asked in ERROR_TIMES:
         while simulation.time < asked:
             simulation.advance_to(min(asked, simulation.time + LOOK))
             spent = time.thread_time() - began

@@ -17,7 +17,7 @@ def curve(method, error, cpu, *, scene="arc", nodes=9, setting="accuracy", value
 
 
 def grown(nodes, cpu, peak=500, failure=""):
-    extra = f"span 0.5 peak {peak}"
+    extra = f"peak {peak}"
     return Row(
         "growth", "arc_material", nodes, "esdirk43", "accuracy", 1e-5, cpu=cpu, extra=extra, failure=failure
     )
