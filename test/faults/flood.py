@@ -76,7 +76,12 @@ def rows(folder, tell, *, seconds=30.0):
             row(f"{name}missed", run["missed"], "0", run["missed"] == 0),
             row(f"{name}applied ones in the bag", run["recorded"], "all", run["recorded"] == run["applied"]),
             row(f"{name}processor [cores]", run["cpu"], "", True),
-            row(f"{name}real-time factor", run["real_time_factor"], "", True),
+            row(
+                f"{name}real-time factor",
+                run["real_time_factor"],
+                "1, or overruns that tell",
+                run["real_time_factor"] > 0.98 or run["overruns"] > 0,
+            ),
             row(f"{name}overruns, counted", run["overruns"], "", True),
         ]
     return result
