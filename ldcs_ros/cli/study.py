@@ -81,7 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="run on a Dask cluster: its scheduler's address, or 'local' to make one here (needs ldcs_ros[cluster])",
     )
     parser.add_argument(
-        "--again", action="store_true", help="measure everything anew, also what is in study.csv"
+        "--again",
+        action="store_true",
+        help="measure all of the preset anew, also what is in study.csv; rows of other presets stay",
     )
 
 
@@ -90,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     --targets: any target) is not kept."""
     from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.diagram import draw
-    from ldcs_ros.study.execute import carry_out
+    from ldcs_ros.study.execute import carry_out, of_other_tasks
     from ldcs_ros.study.plan import PRESETS
     from ldcs_ros.study.recommendation import recommendation
     from ldcs_ros.study.report import promise_is_kept, report
@@ -103,11 +105,11 @@ def run(arguments: argparse.Namespace) -> int:
         return run_hard_cases(arguments)
     folder, here = arguments.output, machine()
     path = folder / "study.csv"
-    if arguments.again:
-        path.unlink(missing_ok=True)
     command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
-    commands = _remember_machine(folder / "study_machine.json", here, command, begun=path.exists())
+    commands = _remember_machine(path, here, command, again=arguments.again)
     table, tasks = Table(path), PRESETS[arguments.preset]()
+    if arguments.again:
+        table.keep(of_other_tasks(table.rows, tasks))
     had = {key_of(row) for row in table.rows}
     with (
         Progress(
@@ -172,21 +174,27 @@ def _place(arguments: argparse.Namespace) -> AbstractContextManager[Any]:
     return nullcontext(execute.in_this_process)
 
 
-def _remember_machine(path: Path, here: dict[str, str], command: str, *, begun: bool) -> list[str]:
-    """Write what machine a study is from and what made it, or refuse to mix rows of two; return all its commands."""
-    commands: list[str] = []
-    if begun and path.exists():
+def _remember_machine(table: Path, here: dict[str, str], command: str, *, again: bool) -> list[str]:
+    """Write beside a table what machine it is from and what made it; return all its commands.
+
+    Rows of two machines are not mixed: such a study is refused, or begun anew with `again`.
+    """
+    path, commands = table.with_name("study_machine.json"), []
+    if table.exists() and path.exists():
         there = json.loads(path.read_text(encoding="utf-8"))
         commands = there.pop("commands", [])
         different = sorted(name for name in {*here, *there} if here.get(name) != there.get(name))
-        if different:
+        if different and not again:
             name = different[0]
             raise CommandLineError(
                 f"{path.parent} holds a study with {name} '{there.get(name)}', here it is '{here.get(name)}': "
                 f"times of two "
                 f"machines or versions do not compare; choose another --output, or --again to measure anew"
             )
-    commands = list(dict.fromkeys([*commands, command]))
+        if different:
+            table.unlink()
+            commands = []
+    commands = [*(made for made in commands if made != command), command]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({**here, "commands": commands}, indent=2) + "\n", encoding="utf-8")
     return commands

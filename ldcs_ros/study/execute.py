@@ -118,6 +118,14 @@ def carry_out(
         on_done(done)
 
 
+def of_other_tasks(rows: list[Row], tasks: list[Task]) -> list[Row]:
+    """Return the rows that none of the tasks makes."""
+    keys, groups = {task.key for task in tasks}, {_group(task) for task in tasks}
+    return [
+        row for row in rows if not (_group(row) in groups if row.kind in MANY_ROWS else key_of(row) in keys)
+    ]
+
+
 def _one_by_one(left: list[Task], say: Callable[[str], None]) -> Iterator[tuple[Task, list[Row]]]:
     """Carry tasks out here, those of a problem one after the other: an interruption loses one reference at most."""
     first: dict[object, int] = {}

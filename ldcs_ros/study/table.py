@@ -46,6 +46,14 @@ class Table:
             os.fsync(file.fileno())
         self.rows += rows
 
+    def keep(self, rows: list[Row]) -> None:
+        """Leave only these of the rows; the file is whole at any time."""
+        beside = self.path.with_suffix(".csv.new")
+        beside.unlink(missing_ok=True)
+        Table(beside).add(rows)
+        os.replace(beside, self.path)
+        self.rows = list(rows)
+
     def _read(self) -> list[Row]:
         text = self.path.read_text(encoding="utf-8")
         reader = csv.DictReader(text.splitlines())

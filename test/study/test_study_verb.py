@@ -92,6 +92,19 @@ def test_a_wrong_command_line_is_one_line(capsys, tmp_path, words):
     assert status == 2 and error.startswith("ldcs: error: ") and error.count("\n") == 1
 
 
+def test_measuring_a_preset_again_leaves_the_rows_of_others(undrawn, capsys, tmp_path, monkeypatch):
+    study(capsys, tmp_path)
+    monkeypatch.setitem(plan.PRESETS, "targets", lambda: TASKS[:2])
+    made = []
+    monkeypatch.setattr(
+        execute, "perform", lambda task, known=None: made.append(task) or [Row(*task.key[:5], task.value)]
+    )
+    _, summary, _ = study(capsys, tmp_path, "--targets", "--again")
+    assert made == TASKS[:2] and (summary["rows"], summary["rows_from_before"]) == (5, 3)
+    rows = list(csv.DictReader((tmp_path / "study.csv").open()))
+    assert len(rows) == 5 and not list(tmp_path.glob("*.new"))
+
+
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is not None, reason="dask.distributed is here")
 def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path):
     status, _, error = study(capsys, tmp_path, "--scheduler", "local")
