@@ -54,7 +54,7 @@ def test_a_run_that_cannot_go_on_pauses_with_an_error_and_reset_brings_it_back()
         assert failed.wait(30.0)
         assert runner.mode is Mode.FAILED
         assert "stopped at t =" in told[0] and "node_" in told[0] and "reduce dt" in told[0]
-        solver = next(status for status in health(runner, None, "", {}) if status.name == "solver")
+        solver = next(status for status in health(runner, None, "", {}, 0) if status.name == "solver")
         assert solver.level == ERROR and "call reset" in solver.message
         stopped_at, count = twin.time, len(published)
         time.sleep(0.05)
