@@ -86,6 +86,7 @@ class Fuzzer:
         # Of its own: the k-th message of a seed is the same in every run, whatever the timing.
         self._sender = Sender(Random(seed))
         self._epoch = 0
+        self._counted: dict[str, str] = {}
         self._clients: dict[str, tuple[object, type]] = {}
         self._pending: list[tuple[str, float, object]] = []
         self._join()
@@ -110,7 +111,7 @@ class Fuzzer:
             if time.monotonic() > journey:
                 self._journey()
                 journey = time.monotonic() + ROUND_PERIOD
-        self._halt()
+        self._halt(go_on=False)
         self._close_epoch()
 
     def _join(self) -> None:
@@ -207,17 +208,18 @@ class Fuzzer:
             self._session.user.spin(0.02)
             self._collect()
 
-    def _halt(self) -> None:
+    def _halt(self, *, go_on: bool = True) -> None:
         # With the pace of real time, and awake: whatever was drawn before.
         self._finish_calls()
         self._set(_double("real_time_factor", 1.0))
-        applied, refused = self._session.counts(self._epoch)
-        commands = self._session.health()["commands"]
+        commands = self._counted = self._session.commands(self._epoch)
         self.tally.halts += 1
-        missed = int(commands["missed, queue full"])
+        names = ("accepted", "refused", "missed, queue full")
+        applied, refused, missed = (int(commands[name]) for name in names)
         if applied + refused + missed != self._epoch:
             self.tally.wrong_halts.append(f"{applied} + {refused} + {missed} of {self._epoch}")
-        self._resume()
+        if go_on:
+            self._resume()
 
     def _resume(self) -> None:
         for name in ("reset", "resume", "rearm") if self._random.random() < 0.3 else ("resume", "rearm"):
@@ -232,7 +234,7 @@ class Fuzzer:
         self._session.user.call(f"{NODE}/set_parameters", SetParameters, request)
 
     def _close_epoch(self) -> None:
-        commands = self._session.health()["commands"]
+        commands = self._counted
         for key, value in commands.items():
             kind, _, what = key.partition(", ")
             if kind == "accepted" and what:
@@ -245,7 +247,7 @@ class Fuzzer:
 
     def _journey(self) -> None:
         """Down to unconfigured and up again, with calls of services in each state, into a new bag."""
-        self._halt()
+        self._halt(go_on=False)
         self._close_epoch()
         self.tally.rounds += 1
         for transition in DOWN:

@@ -126,9 +126,13 @@ class Session:
 
     def counts(self, sent: int, timeout: float = 10.0) -> tuple[int, int]:
         """Applied and refused commands, once they add up to what was sent, or when the time is over [s]."""
+        commands = self.commands(sent, timeout)
+        return int(commands["accepted"]), int(commands["refused"])
+
+    def commands(self, sent: int, timeout: float = 10.0) -> dict[str, str]:
+        """What the diagnostics say about commands by then."""
         end = time.monotonic() + timeout
         while True:
             commands = self.health()["commands"]
-            applied, refused = int(commands["accepted"]), int(commands["refused"])
-            if applied + refused == sent or time.monotonic() > end:
-                return applied, refused
+            if int(commands["accepted"]) + int(commands["refused"]) == sent or time.monotonic() > end:
+                return commands

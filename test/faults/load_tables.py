@@ -48,7 +48,7 @@ def page(runs: dict[str, dict]) -> str:
         machine = ", ".join(f"{key} {value}" for key, value in run["machine"].items())
         lines = ["| what | measured | required | |", "|---|---:|---|---|"]
         lines += [
-            f"| {one['what']} | {one['measured']} | {one['required']} | {'kept' if one['kept'] else '**not kept**'} |"
+            f"| {one['what']} | {one['measured']} | {one['required']} | {_verdict(one)} |"
             for one in run["rows"]
         ]
         command = command.format(**run["options"])
@@ -56,3 +56,9 @@ def page(runs: dict[str, dict]) -> str:
             f"## {title}\n\n`{command}` ({run['took']:.0f} s): {machine}.\n\n" + "\n".join(lines) + "\n"
         )
     return "\n".join(parts)
+
+
+def _verdict(one: dict) -> str:
+    if not one["required"]:
+        return ""
+    return "kept" if one["kept"] else "**not kept**"
