@@ -159,7 +159,11 @@ class Gate:
         self._target = np.zeros_like(self._target)
         self._vented_at = self._clock()
 
-    def _refuse(self, reason: str, detail: str) -> None:
+    def count_refusal(self, reason: str, detail: str) -> None:
+        """Count a refusal; also of what is no command at all, such as bytes that cannot be read."""
         self.refused[reason] += 1
         self.last_refusal = f"{reason}: {detail}"
+
+    def _refuse(self, reason: str, detail: str) -> None:
+        self.count_refusal(reason, detail)
         raise BridgeError(self.last_refusal)

@@ -27,6 +27,7 @@ from ldcs_ros.interface.diagnostics import ERROR, OK, Status
 from ldcs_ros.interface.recorder import Recorder
 from ldcs_ros.interface.topics import Topic
 from ldcs_ros.ros.optional import message_type
+from ldcs_ros.ros.parameter_service import WholeParameterService
 from ldcs_ros.ros.parameters import declare
 from ldcs_ros.ros.qos import check_overrides
 from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS
@@ -52,9 +53,10 @@ class RigBridge(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE)
+        super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
         for complaint in declare(self, BRIDGE_PARAMETERS):
             self.get_logger().warning(complaint)
+        self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
         self.failure = ""
         self._lock = threading.Lock()
@@ -190,6 +192,8 @@ class RigBridge(Node):
                 self._bridge.command(decode("std_msgs/msg/Float64MultiArray", cdr).data)
             except BridgeError:
                 pass  # counted by the gate, told in the diagnostics
+            except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
+                self._bridge.gate.count_refusal("malformed", f"not a Float64MultiArray ({error!r})")
 
     def _diagnose(self) -> None:
         statuses = [*self._health.read(), self._recording()]

@@ -24,6 +24,7 @@ from ldcs_ros.bridge.mock.stand import Speaker, Stand
 from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.ros.optional import message_type
+from ldcs_ros.ros.parameter_service import WholeParameterService
 from ldcs_ros.ros.parameters import declare
 from ldcs_ros.ros.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
 
@@ -49,9 +50,10 @@ class StandInRig(Node):
     """
 
     def __init__(self) -> None:
-        super().__init__(NODE_NAME)
+        super().__init__(NODE_NAME, start_parameter_services=False)
         for complaint in declare(self, MOCK_RIG_PARAMETERS):
             self.get_logger().warning(complaint)
+        self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
         self.failure = ""
         self._publishers_by_topic: dict[str, Any] = {}

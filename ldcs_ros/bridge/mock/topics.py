@@ -74,8 +74,11 @@ class Topics:
         return link
 
     def receive(self, cdr: bytes) -> None:
-        """Take a command's bytes [mbar]."""
-        values = [_MBAR.to_pascal(float(value)) for value in decode(ARRAY, cdr).data]
+        """Take a command's bytes [mbar]; what is none changes nothing."""
+        try:
+            values = [_MBAR.to_pascal(float(value)) for value in decode(ARRAY, cdr).data]
+        except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes
+            return
         if len(values) == 2:
             self._rig.command(*values)
 
