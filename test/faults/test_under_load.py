@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import load_tables
 import pytest
 from flood import flood
@@ -70,3 +73,9 @@ def test_every_run_has_its_place_in_the_table_and_its_command(name, tmp_path):
     load_tables.save(tmp_path, name, run)
     text = (tmp_path / "under_load.md").read_text()
     assert "| x | 1.235 | less than 2 | kept |" in text and "**not kept**" in text
+
+
+def test_the_page_shows_the_figures_as_they_were_measured():
+    docs = Path(__file__).resolve().parents[2] / "docs"
+    runs = json.loads((docs / "under_load.json").read_text(encoding="utf-8"))
+    assert (docs / "under_load.md").read_text(encoding="utf-8") == load_tables.page(runs)
