@@ -134,8 +134,7 @@ def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
         for (node, namespace), topic in last.items():
             user.until(lambda topic=topic: user.node.count_publishers(topic) > 0, 20.0)
             # Its endpoints may be known before its name is.
-            known = graph.get_node_names_and_namespaces
-            user.until(lambda who=(node, namespace): who in known(), 10.0)
+            user.until(lambda who=(node, namespace): who in graph.get_node_names_and_namespaces(), 10.0)
             user.until(lambda who=(node, namespace): looks["reply"](*who), 10.0)
             user.spin(0.3)
             names = allowed(policy, node)
