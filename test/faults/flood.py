@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 
-from load_session import Session
+from load_session import Session, counts
 from load_tables import row
 
 from ldcs_ros.interface import messages
@@ -47,13 +47,13 @@ def flood(folder, *, rate=1000.0, duration=10.0, scene="rig", publish_rate=200.0
         session.user.until(lambda: not thread.is_alive(), duration + 30.0)
         result["took"] = time.monotonic() - start
         result["cpu"] = (session.figures.cpu - cpu) / result["took"]
-        result["applied"], result["refused"] = session.counts(result["sent"])
-        after = session.health()["simulation"]
+        health = session.settled(result["sent"])
+        result["applied"], result["refused"], result["missed"] = counts(health)
+        after = health["simulation"]
         result["real_time_factor"] = (
             float(after["simulation time [s]"]) - float(before["simulation time [s]"])
         ) / (time.monotonic() - start)
         result["overruns"] = int(after["overruns"]) - int(before["overruns"])
-        result["missed"] = int(session.health()["commands"]["missed, queue full"])
         session.node.stop(signal.SIGINT)
     bag = read_bag(folder / "bag").counts
     # The last one vents the arms when the node ends.

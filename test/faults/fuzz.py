@@ -16,7 +16,7 @@ from random import Random
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from load_session import NODE, Session
+from load_session import NODE, Session, counts
 from load_tables import row
 from random_messages import TEXTS, fill, number
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -212,10 +212,10 @@ class Fuzzer:
         # With the pace of real time, and awake: whatever was drawn before.
         self._finish_calls()
         self._set(_double("real_time_factor", 1.0))
-        commands = self._counted = self._session.commands(self._epoch)
+        health = self._session.settled(self._epoch)
+        self._counted = health["commands"]
         self.tally.halts += 1
-        names = ("accepted", "refused", "missed, queue full")
-        applied, refused, missed = (int(commands[name]) for name in names)
+        applied, refused, missed = counts(health)
         if applied + refused + missed != self._epoch:
             self.tally.wrong_halts.append(f"{applied} + {refused} + {missed} of {self._epoch}")
         if go_on:

@@ -124,15 +124,17 @@ class Session:
             for status in message.status
         }
 
-    def counts(self, sent: int, timeout: float = 10.0) -> tuple[int, int]:
-        """Applied and refused commands, once they add up to what was sent, or when the time is over [s]."""
-        commands = self.commands(sent, timeout)
-        return int(commands["accepted"]), int(commands["refused"])
-
-    def commands(self, sent: int, timeout: float = 10.0) -> dict[str, str]:
-        """What the diagnostics say about commands by then."""
+    def settled(self, sent: int, timeout: float = 10.0) -> dict[str, dict[str, str]]:
+        """The diagnostics once every command that was sent is counted, or when the time is over [s]."""
         end = time.monotonic() + timeout
         while True:
-            commands = self.health()["commands"]
-            if int(commands["accepted"]) + int(commands["refused"]) == sent or time.monotonic() > end:
-                return commands
+            health = self.health()
+            if sum(counts(health)) == sent or time.monotonic() > end:
+                return health
+
+
+def counts(health: dict[str, dict[str, str]]) -> tuple[int, int, int]:
+    """Commands that were applied, refused and missed."""
+    commands = health["commands"]
+    names = ("accepted", "refused", "missed, queue full")
+    return int(commands[names[0]]), int(commands[names[1]]), int(commands[names[2]])

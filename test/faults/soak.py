@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from load_session import Figures, Session
+from load_session import Figures, Session, counts
 from load_tables import row
 from witness import Witness
 
@@ -81,15 +81,15 @@ def soak(
                     )
                 )
                 tell(samples[-1])
-        applied, refused = session.counts(sent)
-        health = session.health()
+        health = session.settled(sent)
+        applied, refused, missed = counts(health)
         machine = witness.end()
         status = session.node.stop(signal.SIGINT)
     measured = {
         "sent": sent,
         "applied": applied,
         "refused": refused,
-        "missed": int(health["commands"]["missed, queue full"]),
+        "missed": missed,
         "recorder": health["recorder"]["message"],
         "exit status": status,
         "heard": heard[0],

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from load_session import CLOUD, Session
+from load_session import CLOUD, Session, counts
 
 from ldcs_ros.interface import messages
 from ldcs_ros.recording import read_bag
@@ -46,12 +46,12 @@ def test_jumps_of_the_wall_clock_change_neither_pace_nor_watchdog_nor_bag(tmp_pa
             session.user.until(lambda known=known: abs(stamps[-1] - known) > 1e9 * 1000)  # it has jumped
             publisher.publish(messages.pressure_command([1e4 * (k + 1) + 1.0]))
             session.user.spin(0.4)
-        health, elapsed = session.health(), time.monotonic() - start
+        health, elapsed = session.settled(2 * len(JUMPS)), time.monotonic() - start
         advanced = float(health["simulation"]["simulation time [s]"]) - float(before["simulation time [s]"])
         lost = int(health["simulation"]["overruns"]) - int(before["overruns"])
         assert advanced == pytest.approx(elapsed, abs=0.15 + 0.1 * lost)
         assert health["watchdog"]["trips"] == "0"
-        assert session.counts(2 * len(JUMPS)) == (2 * len(JUMPS), 0)
+        assert counts(health) == (2 * len(JUMPS), 0, 0)
         assert session.node.stop(signal.SIGINT) == 0
     times = read_bag(tmp_path / "bag").channels["/ldcs/nodes"].times
     assert np.array_equal(np.diff(times), np.full(len(times) - 1, 20_000_000))
