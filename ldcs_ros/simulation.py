@@ -296,7 +296,8 @@ class Simulation:
             start = self._step.right
             corners = (self._next_event(), self._expected, *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + SAME_TIME), default=math.inf)
-            step, pace = self._control.advance(start, self._held, self._pace, barrier)
+            opening = start.time == self._commanded
+            step, pace = self._control.advance(start, self._held, self._pace, barrier, opening=opening)
             self._step = step
             self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
             self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)

@@ -16,6 +16,10 @@ SMALLEST_STEP = 1e-9  # s; below it a simulation does not end
 LARGEST_STEP = 1.0  # s
 SAFETY = 0.9
 MOST_GROWTH = 4.0
+# Steps that differ by less than this share are the same.
+SAME_STEP = 1e-3
+# A step may be as much longer than the controller's safety makes it, if it ends at a stop.
+STRETCH = 0.87
 # A step that would grow by less stays as it is, so that factors are kept.
 LEAST_GROWTH = 1.2
 # After a step that did not converge, longer ones are tried again little by little.
@@ -48,12 +52,14 @@ class Pace:
         ceiling: Largest step to try, since a longer one did not converge lately [s].
         error: What is remembered of the errors of all steps, by the method's own estimates [m].
         inside: Estimated error of the curve inside the last step [m].
+        opening: Step to take right after a command: what the last such step recommends [s].
     """
 
     h: float
     ceiling: float = math.inf
     error: float = 0.0
     inside: float = 0.0
+    opening: float = math.inf
 
     @property
     def estimate(self) -> float:
@@ -85,16 +91,20 @@ class AdaptiveSteps:
         """Return the pace after a command or drive changed abruptly."""
         return replace(pace, h=CORNER_SHARE * pace.h, ceiling=math.inf)
 
-    def advance(self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float) -> tuple[Step, Pace]:
+    def advance(
+        self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float, *, opening: bool
+    ) -> tuple[Step, Pace]:
         """Take one step that does not pass the time `stop` [s]; return it and the pace for the next.
+
+        With `opening` it follows a command: it begins as the last step after a command has shown to be right.
 
         Raises:
             DivergenceError: No step above the smallest one can be taken.
         """
         forgetting = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
-        h, rejected, ceiling = pace.h, False, pace.ceiling
+        h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
         while True:
-            h, clipped = _fit(motion.time, h, stop)
+            h, clipped = _fit(motion.time, h, stop, 1.0 if rejected else STRETCH)
             tolerance = LOCAL_SHARE * self.accuracy * min(1.0, forgetting * h)
             try:
                 step = _finite_step(self.integrator, motion, inputs, h, tolerance)
@@ -125,7 +135,8 @@ class AdaptiveSteps:
             # A clipped step tells about its own length only; the pace before it stands if it was longer.
             grown = max(grown, pace.h)
         error = pace.error * math.exp(-forgetting * h) + step.error + step.lasting
-        pace = Pace(min(grown, ceiling, LARGEST_STEP), ceiling * CEILING_GROWTH, error, inside)
+        first = grown if opening else pace.opening
+        pace = Pace(min(grown, ceiling, LARGEST_STEP), ceiling * CEILING_GROWTH, error, inside, first)
         return _landed(step, stop) if clipped else step, pace
 
     def _stop(self, motion: Motion, reason: str) -> DivergenceError:
@@ -151,7 +162,9 @@ class FixedSteps:
         """Return the pace after a command or drive changed abruptly: the same."""
         return pace
 
-    def advance(self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float) -> tuple[Step, Pace]:
+    def advance(
+        self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float, *, opening: bool
+    ) -> tuple[Step, Pace]:
         """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken.
 
         A step whose iteration does not converge is counted as rejected and taken in parts: still an answer. The
@@ -200,10 +213,11 @@ def _finite_step(
     return step
 
 
-def _fit(time: float, h: float, stop: float) -> tuple[float, bool]:
-    # Land on a stop exactly; two equal steps are better than a whole one and a sliver.
+def _fit(time: float, h: float, stop: float, stretch: float) -> tuple[float, bool]:
+    # Land on a stop exactly; one step a little too long is better than two, and two equal ones are better than a whole
+    # one and a sliver.
     left = stop - time
-    if h >= left * 0.999:
+    if h >= left * stretch * (1.0 - SAME_STEP):
         return left, True
     return (0.5 * left, False) if 2.0 * h > left else (h, False)
 

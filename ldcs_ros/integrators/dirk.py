@@ -11,6 +11,7 @@ from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.linear import Factors, LinearSystem
 from ldcs_ros.integrators.newton import BroydenUpdates, largest, place
 from ldcs_ros.integrators.tableaux import Tableau
+from ldcs_ros.integrators.trail import Point, Trail
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Motion
 
@@ -35,10 +36,10 @@ MOST_NEWTON = 15
 COASTING = 1.0
 # Contraction rate to expect of fresh factors, until one is measured.
 FRESH_RATE = 0.1
+# Until an iteration has measured it, no rate below this is relied on: a good first guess must not end it too soon.
+UNKNOWN_RATE = 0.4
 # Where in the step Newton's matrix is taken: half as far from its ends as its start is.
 MIDDLE = 0.5
-# Accelerations that the first guess of a stage is extrapolated from.
-GUESS_POINTS = 2
 # An error h du in a rate counts as this share of it in a position: an oscillation's position error alone passes
 # through zero twice a period.
 RATE_SHARE = 0.25
@@ -84,7 +85,7 @@ class Dirk(Integrator):
         self._system = LinearSystem(self.model)
         self._factors: Factors | None = None
         self._rate = FRESH_RATE
-        self._past: tuple[tuple[float, np.ndarray], ...] = ()
+        self._trails: tuple[Trail, ...] = ()
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
@@ -93,10 +94,10 @@ class Dirk(Integrator):
 
     @property
     def memory(self) -> Any:
-        return self._factors, self._rate, self._past, self._updates.memory
+        return self._factors, self._rate, self._trails, self._updates.memory
 
     def recall(self, memory: Any) -> None:
-        self._factors, self._rate, self._past, updates = memory
+        self._factors, self._rate, self._trails, updates = memory
         self._updates.recall(updates)
 
     def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
@@ -106,18 +107,22 @@ class Dirk(Integrator):
         return jump if kept is None else kept.solve(self.model.momentum(motion.q, jump))
 
     def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
-        past = self._past
         try:
             return self._stages(motion, inputs, h, tolerance, exactly=False)
         except StepFailure:
-            self._past, self._factors = past, None
+            self._factors = None
             if self._onset == np.inf:
                 raise
-        try:
-            return self._stages(motion, inputs, h, tolerance, exactly=True)
-        except StepFailure:
-            self._past = past
-            raise
+        return self._stages(motion, inputs, h, tolerance, exactly=True)
+
+    def _trail_to(self, motion: Motion) -> Trail:
+        """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
+        for trail in self._trails:
+            if trail.points[-1][1] is motion.a:
+                return trail
+        if not self._trails:
+            return Trail(motion.time, ((motion.time, motion.a),))
+        return self._trails[-1].jumped(motion.time, motion.a)
 
     def _present(self, motion: Motion, inputs: HeldInputs, h: float) -> tuple[Factors, bool]:
         """Return kept factors, or new ones of the middle of the step, and whether they are new."""
@@ -151,10 +156,8 @@ class Dirk(Integrator):
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
         rates, accelerations = np.empty((n_stages, len(free))), np.empty((n_stages, len(free)))
         q0, rates[0], accelerations[0] = motion.q[free], motion.u[free], motion.a
-        # Accelerations from before a jump (the motion then has another one than the last step ended with) do not
-        # tell what comes.
-        going_on = bool(self._past) and self._past[-1][1] is motion.a
-        past = [*(self._past[:-1] if going_on else ()), (motion.time, motion.a)]
+        trail = self._trail_to(motion)
+        points: list[Point] = []
         q, u = motion.q.copy(), motion.u.copy()
         worst = 0.0
         factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
@@ -168,7 +171,7 @@ class Dirk(Integrator):
                 rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
                 min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._onset),
             )
-            guess = _extrapolate(past[-GUESS_POINTS:], time)
+            guess = trail.guess(points, time)
             self.model.prescribe(time, q, u)
             while True:
                 place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
@@ -186,12 +189,12 @@ class Dirk(Integrator):
                 factors = self._renew(time, q, u, inputs, rate_step)
             worst = max(worst, rate)
             rates[i], accelerations[i] = u[free], a
-            past.append((time, a))
-        self._factors, self._rate, self._past = factors, worst, tuple(past[-GUESS_POINTS:])
+            points.append((time, a))
+        self._factors, self._rate, self._trails = factors, worst, (trail, trail.extended(points))
         defect = h * (tableau.error_weights @ rates)
         rate_defect = h * (tableau.error_weights @ accelerations)
         self.counters.steps += 1
-        right = Motion(motion.time + h, q, u, accelerations[-1])
+        right = Motion(motion.time + h, q, u, a)
         error = self._size(h, defect, rate_defect)
         if error > tolerance and factors is not None:
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
@@ -238,7 +241,7 @@ class Dirk(Integrator):
         free, model = self.model.free, self.model
         # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
         mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
-        before, rate = np.inf, min(max(self._rate, mismatch, 0.02), 0.9)
+        before, rate = np.inf, min(max(self._rate, mismatch, UNKNOWN_RATE), 0.9)
         worst, change, moved = 0.0, None, np.inf
         for iteration in range(self.patience):
             if moved > self._turning_move:
@@ -291,15 +294,3 @@ class Dirk(Integrator):
             if moved <= stage.allowed and moved < before:
                 return a, FRESH_RATE
         raise StepFailure(f"Newton's iteration of a stage at t = {stage.time:.9g} s does not converge")
-
-
-def _extrapolate(points: list[tuple[float, np.ndarray]], time: float) -> np.ndarray:
-    """Return the value at a time of the polynomial through points (time, value)."""
-    result = np.zeros_like(points[0][1])
-    for i, (t_i, value) in enumerate(points):
-        weight = 1.0
-        for j, (t_j, _) in enumerate(points):
-            if j != i:
-                weight *= (time - t_j) / (t_i - t_j)
-        result += weight * value
-    return result

@@ -69,6 +69,7 @@ class Factors:
     ) -> None:
         self.rate_step, self.frames = rate_step, frames
         self._turns: tuple[np.ndarray, np.ndarray] | None = None
+        self._scale = 1.0
         self._order, self._n = storage.order, len(storage.order)
         self._nodes = storage.factor(matrix.nodes)
         self._set_border(matrix.border, matrix.corner, angles)
@@ -85,10 +86,10 @@ class Factors:
         other._set_border(border, corner, angles)
         return other
 
-    def turned(self, left: np.ndarray, right: np.ndarray) -> Factors:
-        """Return factors with other rotations G and H, shape (n_columns, 3, 3) each."""
+    def turned(self, turns: tuple[np.ndarray, np.ndarray] | None, scale: float) -> Factors:
+        """Return factors with other rotations G and H, shape (n_columns, 3, 3) each, and a factor on the solution."""
         other = copy(self)
-        other._turns = left, right
+        other._turns, other._scale = turns, scale
         return other
 
     def solve(self, right: np.ndarray) -> np.ndarray:
@@ -105,6 +106,8 @@ class Factors:
         if self._turns is not None:
             nodes = turned_vectors(self._turns[1], nodes, back=False)
         result[self._order] = nodes
+        if self._scale != 1.0:
+            result *= self._scale
         return result
 
 
@@ -229,21 +232,20 @@ class LinearSystem:
             inputs: What is commanded.
             rate_step: The h of the stage that they will serve [s].
         """
-        if self._columns is None:
-            return (
-                self._bordered(factors, time, q, u, inputs, None) if self._has_turned(factors, q) else factors
-            )
-        tau = self.model.relaxation_time
-        ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
-        left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
-        fill_turns(self._frames(q), factors.frames, self._columns, left)
-        fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
-        if self._has_turned(factors, q):
-            factors = self._bordered(factors, time, q, np.zeros_like(u), inputs, left)
-        return factors.turned(left, right)
-
-    def _has_turned(self, factors: Factors, q: np.ndarray) -> bool:
-        return bool(np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN)
+        h, tau = factors.rate_step, self.model.relaxation_time
+        # W is M + h (tau + h) S, nearly. For another h its stiff directions are r times as stiff and its heavy ones as
+        # heavy as before: the mean of both converges in either.
+        scale = 2.0 / (1.0 + rate_step * (tau + rate_step) / (h * (tau + h))) if tau < np.inf else 1.0
+        turns = None
+        if self._columns is not None:
+            ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
+            left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
+            fill_turns(self._frames(q), factors.frames, self._columns, left)
+            fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
+            turns = left, right
+        if np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN:
+            factors = self._bordered(factors, time, q, u, inputs, turns)
+        return factors.turned(turns, scale)
 
     def _bordered(
         self,
@@ -252,14 +254,15 @@ class LinearSystem:
         q: np.ndarray,
         u: np.ndarray,
         inputs: HeldInputs,
-        left: np.ndarray | None,
+        turns: tuple[np.ndarray, np.ndarray] | None,
     ) -> Factors:
         """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""
-        h = factors.rate_step
-        by_position, by_rate = self.model.arms.jacobian(time, q, u, inputs, False)  # type: ignore[union-attr]
+        arms, h = self.model.arms, factors.rate_step
+        jacobian = arms.turning_jacobian if turns is not None else arms.jacobian  # type: ignore[union-attr]
+        by_position, by_rate = jacobian(time, q, u, inputs, False)
         border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
-        if left is not None:
-            border = np.stack([turned_vectors(left, column, back=True) for column in border.T], axis=1)
+        if turns is not None:
+            border = np.stack([turned_vectors(turns[0], column, back=True) for column in border.T], axis=1)
         return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
     def _placed(self, values: np.ndarray) -> Bordered:
