@@ -109,8 +109,8 @@ def full() -> list[Task]:
     tasks += _sweep("arc", 33, ("esdirk43", "trbdf2"), (*fine[:3], 2e-5, 1e-6), runs=1)
     tasks += _sweep("arc", 33, ("rosenbrock_w", "rkc2"), (1e-4,), runs=1, budget=20.0, weight=6.0)
     tasks += _sweep("arc", 65, ("esdirk43", "trbdf2"), (1e-3, 1e-5), runs=1, budget=200.0, weight=8.0)
-    tasks += _sweep("arc", 129, ("esdirk43",), (1e-3, 1e-4, 2e-5), runs=1, budget=400.0, weight=40.0)
-    tasks += _baseline(129, (0.02,), weight=8.0)
+    # Not `arc`: its point load crumples so fine a lattice of such springs, and rounding decides which way.
+    tasks += _sweep("arc_material", 129, ("esdirk43",), (1e-3, 1e-4, 2e-5), runs=1, budget=400.0, weight=30.0)
     tasks += [Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, weight=8.0) for scene in ("arc", "paper")]
     tasks += [
         Task("effect", scene, 9, "esdirk43", "leave out", 0.0, weight=4.0) for scene in ("rig", "paper")
