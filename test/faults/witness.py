@@ -8,7 +8,8 @@ import sys
 from load_session import as_urgent_as_this
 
 LOOP = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 period, tolerance = float(sys.argv[1]), float(sys.argv[2])
 late = worst = 0.0
 start, k, anchor = time.monotonic(), 0, time.monotonic()
