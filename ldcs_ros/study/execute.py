@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -44,6 +45,11 @@ def processes(count: int) -> Iterator[Submit]:
 
         try:
             yield submit
+        except BrokenProcessPool as error:
+            raise StudyError(
+                "a process of the study was ended from outside, or by a lack of memory; what it had made is kept: run "
+                "the same command again to go on, with fewer --jobs if memory is short"
+            ) from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -70,7 +70,6 @@ def targets() -> list[Task]:
         *_sweep("arc", 33, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_sweep("arc", 65, ("esdirk43",), (1e-4, 2e-5), runs=1, budget=300.0, weight=8.0),
         *_baseline(65, (0.02, 0.01), weight=35.0, budget=120.0),
-        *_sweep("arc", 65, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_growth((17, 33, 65, 129)),
         *_rates((SMOOTH, 100.0, 1000.0)),
         *_promises(),

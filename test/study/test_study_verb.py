@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import importlib.util
 import json
+import os
 
 import pytest
 from PIL import Image
 
 from ldcs_ros.cli.main import main
 from ldcs_ros.study import diagram, execute, plan, report
+from ldcs_ros.study.table import StudyError
 from ldcs_ros.study.tasks import Row, Task
 
 TASKS = [
@@ -122,6 +124,11 @@ def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
 def test_processes_give_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--jobs", "2")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
+
+
+def test_a_process_that_is_killed_is_told_with_the_way_on():
+    with pytest.raises(StudyError, match="run the same command again"), execute.processes(1) as submit:
+        list(submit(os._exit, [(1,)]))
 
 
 def test_targets_are_printed_and_a_missed_one_is_a_failed_check(undrawn, capsys, tmp_path, monkeypatch):
