@@ -14,6 +14,7 @@ goes over shared memory.
 """
 TITLES = {
     "soak": ("A long run at 200 Hz, recorded", "make soak"),
+    "soak_short": ("The same for nine minutes, to its regular end", "make soak SECONDS={seconds:.0f}"),
     "flood": ("A flood of commands", "make faults"),
     "joins": ("A hundred subscribers join and leave", "make faults"),
     "kill": ("Killed while it records", "make faults"),
@@ -52,9 +53,9 @@ def page(runs: dict[str, dict]) -> str:
             for one in run["rows"]
         ]
         command = command.format(**run["options"])
-        parts.append(
-            f"## {title}\n\n`{command}` ({run['took']:.0f} s): {machine}.\n\n" + "\n".join(lines) + "\n"
-        )
+        note = f"{run['note']}\n\n" if "note" in run else ""
+        head = f"## {title}\n\n`{command}` ({run['took']:.0f} s): {machine}.\n\n{note}"
+        parts.append(head + "\n".join(lines) + "\n")
     return "\n".join(parts)
 
 

@@ -67,7 +67,7 @@ def test_random_messages_services_and_parameters_break_and_lose_nothing(tmp_path
 def test_every_run_has_its_place_in_the_table_and_its_command(name, tmp_path):
     from under_load import RUNS
 
-    assert name in RUNS
+    assert name.partition("_")[0] in RUNS
     rows = [load_tables.row("x", 1.23456, "less than 2", True), load_tables.row("y", 3, "2", False)]
     run = {"machine": {"cores": "2"}, "options": {"seconds": 5.0, "seed": 1}, "took": 5.1, "rows": rows}
     load_tables.save(tmp_path, name, run)
