@@ -24,7 +24,7 @@ TABLES = {"sim": PARAMETERS, "bridge": BRIDGE_PARAMETERS, "mock_rig": MOCK_RIG_P
 SERVICES = {"sim": SIM_SERVICES, "bridge": BRIDGE_SERVICES, "mock_rig": ()}
 NAMES = {"sim": ("/ldcs", "ldcs_sim"), "bridge": ("/ldcs", "ldcs_bridge"), "mock_rig": ("/", "mock_rig")}
 # What each says when it has started.
-STARTED = {"sim": "mm running", "bridge": "t     0.00 s", "mock_rig": "a bridge connects"}
+STARTED = {"sim": "mm running", "bridge": " s | shadow, ", "mock_rig": "a bridge connects"}
 # Services that every node has.
 STANDARD = ("rcl_interfaces/", "lifecycle_msgs/", "type_description_interfaces/")
 
