@@ -229,6 +229,7 @@ def short_reason(failure: str) -> str:
         ("grows", "becomes unstable"),
         ("left the sheet", "leaves the sheet"),
         ("not linear", "for linear scenes only"),
+        ("the fixed step", "a step fails"),
     ):
         if sign in failure:
             return words
