@@ -263,7 +263,7 @@ class Dirk(Integrator):
                 if rate > WILD_RATE or (iteration > 4 and rate > 0.95):
                     break
             if moved == 0.0 or (rate < 1.0 and moved * rate / (1.0 - rate) <= stage.allowed):
-                return a, worst if iteration > 0 else rate, factors
+                return a, worst if iteration > 0 else self._rate, factors
             before = moved
         raise StepFailure(
             f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"
