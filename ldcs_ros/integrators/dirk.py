@@ -36,8 +36,10 @@ MOST_NEWTON = 15
 COASTING = 1.0
 # Contraction rate to expect of fresh factors, until one is measured.
 FRESH_RATE = 0.1
-# Until an iteration has measured it, no rate below this is relied on: a good first guess must not end it too soon.
+# Until an iteration has measured it with these factors, no rate below this is relied on: a good first guess must not
+# end it too soon. A rate measured in an earlier stage may have grown by this factor.
 UNKNOWN_RATE = 0.4
+RATE_SAFETY = 3.0
 # Where in the step Newton's matrix is taken: half as far from its ends as its start is.
 MIDDLE = 0.5
 # An error h du in a rate counts as this share of it in a position: an oscillation's position error alone passes
@@ -84,7 +86,7 @@ class Dirk(Integrator):
         super().__post_init__()
         self._system = LinearSystem(self.model)
         self._factors: Factors | None = None
-        self._rate = FRESH_RATE
+        self._rate, self._measured = FRESH_RATE, False
         self._trails: tuple[Trail, ...] = ()
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
@@ -94,10 +96,10 @@ class Dirk(Integrator):
 
     @property
     def memory(self) -> Any:
-        return self._factors, self._rate, self._trails, self._updates.memory
+        return self._factors, self._rate, self._measured, self._trails, self._updates.memory
 
     def recall(self, memory: Any) -> None:
-        self._factors, self._rate, self._trails, updates = memory
+        self._factors, self._rate, self._measured, self._trails, updates = memory
         self._updates.recall(updates)
 
     def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
@@ -145,7 +147,7 @@ class Dirk(Integrator):
             factors = self._system.factor(time, q, u, inputs, rate_step, turning=True)
         except np.linalg.LinAlgError as error:
             raise StepFailure(str(error)) from error
-        self._factors, self._rate = factors, FRESH_RATE
+        self._factors, self._rate, self._measured = factors, FRESH_RATE, False
         self._updates.clear()
         return factors
 
@@ -159,7 +161,7 @@ class Dirk(Integrator):
         trail = self._trail_to(motion)
         points: list[Point] = []
         q, u = motion.q.copy(), motion.u.copy()
-        worst = 0.0
+        worst, measured, rate = 0.0, False, None
         factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
         renewals = MOST_FACTORISATIONS - fresh
         for i in range(1, n_stages):
@@ -187,10 +189,14 @@ class Dirk(Integrator):
                 renewals -= 1
                 place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
                 factors = self._renew(time, q, u, inputs, rate_step)
-            worst = max(worst, rate)
+            if rate is not None:
+                worst = max(worst, rate)
+                measured = True
             rates[i], accelerations[i] = u[free], a
             points.append((time, a))
-        self._factors, self._rate, self._trails = factors, worst, (trail, trail.extended(points))
+        self._factors, self._trails = factors, (trail, trail.extended(points))
+        if measured:
+            self._rate, self._measured = worst, True
         defect = h * (tableau.error_weights @ rates)
         rate_defect = h * (tableau.error_weights @ accelerations)
         self.counters.steps += 1
@@ -236,12 +242,13 @@ class Dirk(Integrator):
 
     def _solve(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
-    ) -> tuple[np.ndarray, float, Factors]:
-        """Iterate from a guess that is placed in q and u; return acceleration, worst rate seen and turned factors."""
+    ) -> tuple[np.ndarray, float | None, Factors]:
+        """Iterate from a guess that is placed in q and u; return acceleration, worst rate if any was seen, turned factors."""
         free, model = self.model.free, self.model
         # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
         mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
-        before, rate = np.inf, min(max(self._rate, mismatch, UNKNOWN_RATE), 0.9)
+        known = max(RATE_SAFETY * self._rate, FRESH_RATE) if self._measured else UNKNOWN_RATE
+        before, rate = np.inf, min(max(known, mismatch), 0.9)
         worst, change, moved = 0.0, None, np.inf
         for iteration in range(self.patience):
             if moved > self._turning_move:
@@ -263,7 +270,7 @@ class Dirk(Integrator):
                 if rate > WILD_RATE or (iteration > 4 and rate > 0.95):
                     break
             if moved == 0.0 or (rate < 1.0 and moved * rate / (1.0 - rate) <= stage.allowed):
-                return a, worst if iteration > 0 else self._rate, factors
+                return a, worst if iteration > 0 else None, factors
             before = moved
         raise StepFailure(
             f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"
