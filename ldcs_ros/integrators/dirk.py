@@ -243,7 +243,7 @@ class Dirk(Integrator):
     def _solve(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
     ) -> tuple[np.ndarray, float | None, Factors]:
-        """Iterate from a guess that is placed in q and u; return acceleration, worst rate if any was seen, turned factors."""
+        """Iterate from a guess that is placed in q and u; return acceleration, worst rate if one was seen, factors."""
         free, model = self.model.free, self.model
         # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
         mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
