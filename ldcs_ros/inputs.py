@@ -104,7 +104,9 @@ class Inputs:
         self._take_wrench(frame, force, torque)
         self._live |= {frame}
 
-    def check_wrench(self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)) -> Wrench:
+    def check_wrench(
+        self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)
+    ) -> Wrench:
         """Return what `set_wrench` would hold, without holding it.
 
         Raises:
