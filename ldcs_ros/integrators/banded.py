@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
+from ldcs_ros.integrators.places import below_diagonal, place_in, sheet_places
 from ldcs_ros.physics.model import Model
 
 
@@ -20,14 +21,11 @@ class Band:
 
     def __init__(self, model: Model, rows: np.ndarray, columns: np.ndarray) -> None:
         """Args: rows, columns: the free node coordinates of each entry, shape (n_entries,)."""
+        layer, i, j, axis = sheet_places(model)
         nx, ny = model.lattice.nodes
-        node, axis = np.divmod(model.free[: model.n_free_nodes], 3)
-        layer, i, j = np.unravel_index(node, (2, nx, ny))
         self.order = np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
         self.dtype = np.dtype(np.float64)
-        place = np.empty(len(self.order), dtype=np.int64)
-        place[self.order] = np.arange(len(self.order))
-        row, column = np.maximum(place[rows], place[columns]), np.minimum(place[rows], place[columns])
+        row, column = below_diagonal(place_in(self.order), rows, columns)
         self._width = int(np.max(row - column, initial=0)) + 1
         self.slots = row - column + column * self._width
         self.diagonal = np.arange(len(self.order)) * self._width

@@ -73,11 +73,11 @@ class Dirk(Integrator):
 
         u_i = u* + h g A_i,     q_i = q* + h g u_i,     M(q_i) A_i - f(t_i, q_i, u_i) = 0.
 
-    Newton's matrix is W = M - h g df/du - (h g)^2 df/dq, symmetric positive definite for a damped structure;
-    it is factored in the middle of a step and kept until the contraction rate or the step size says otherwise
-    (Hairer and Wanner, Solving ODEs II, section IV.8); Broyden's updates and a fresh border for the arms make
-    up for what has changed since. The last stage is the solution (stiffly accurate), its A the new
-    acceleration. The error estimate is h sum d_i (u_i, A_i), the difference from the embedded solution.
+    Newton's matrix is W = M - h g df/du - (h g)^2 df/dq. It is factored in the middle of a step, kept until the
+    contraction rate or the step size says otherwise (Hairer and Wanner, Solving ODEs II, section IV.8), and turned
+    with the sheet (`LinearSystem.turn`); Broyden's updates make up for what else has changed since. The last stage is
+    the solution (stiffly accurate), its A the new acceleration. The error estimate is h sum d_i (u_i, A_i), the
+    difference from the embedded solution.
     """
 
     tableau: ClassVar[Tableau]

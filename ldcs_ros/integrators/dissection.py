@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from ldcs_ros.integrators.places import below_diagonal, place_in, sheet_places
 from ldcs_ros.physics.compiled import compiled, compiled_fast
 from ldcs_ros.physics.model import Model
 
@@ -55,9 +56,8 @@ class Dissection:
 
     def __init__(self, model: Model, rows: np.ndarray, columns: np.ndarray) -> None:
         """Args: rows, columns: the free node coordinates of each entry, shape (n_entries,)."""
+        layer, i, j, axis = sheet_places(model)
         nx, ny = model.lattice.nodes
-        node, axis = np.divmod(model.free[: model.n_free_nodes], 3)
-        layer, i, j = np.unravel_index(node, (2, nx, ny))
         reach_x = int(np.max(np.abs(i[rows] - i[columns]), initial=0))
         reach_y = int(np.max(np.abs(j[rows] - j[columns]), initial=0))
         self.dtype = np.dtype(np.float32)
@@ -66,12 +66,10 @@ class Dissection:
         coordinates = [by_column[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         parts = _Parts((nx, ny), max(reach_x, reach_y, 1))
         self.order = np.concatenate([coordinates[c] for own, _, _ in parts.fronts for c in own])
-        place = np.empty(len(self.order), dtype=np.int64)
-        place[self.order] = np.arange(len(self.order))
+        place = place_in(self.order)
         self.fronts = self._fronts(parts, [place[c] for c in coordinates])
         self._lay_out()
-        row, column = np.maximum(place[rows], place[columns]), np.minimum(place[rows], place[columns])
-        self.slots = self._slots(row, column)
+        self.slots = self._slots(*below_diagonal(place, rows, columns))
         everyone = np.arange(len(self.order))
         self.diagonal = self._slots(everyone, everyone)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ldcs_ros.integrators.banded import Band
 from ldcs_ros.integrators.dissection import Dissection
+from ldcs_ros.integrators.places import below_diagonal, place_in
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldInputs
@@ -129,12 +130,12 @@ class LinearSystem:
         self._storage = storage(model, rows[inner], columns[inner])
         self._order = self._storage.order
         self._columns = self._whole_columns(model)
-        place = np.empty(len(model.free) + 1, dtype=np.int64)
-        place[self._order] = np.arange(n)
-        place[n:-1] = np.arange(n, len(model.free))
-        rows, columns = place[rows], place[columns]
-        row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         n_angles = model.n_free_angles
+        # Angles follow the nodes in every order; what is not used may point anywhere.
+        place = place_in(np.append(self._order, np.arange(n, n + n_angles)))
+        rows, columns = np.where(used, rows, 0), np.where(used, columns, 0)
+        row, column = below_diagonal(place, rows, columns)
+        rows, columns = place[rows], place[columns]
         edge = used & (row >= n) & (column < n)
         self._edge, self._edge_share = np.flatnonzero(edge), share[edge]
         self._edge_slot = ((row - n) + column * n_angles)[edge]

@@ -6,7 +6,8 @@
 3. A term adds to a flat force vector and never overwrites it: terms are summed, never switched.
 4. If the force has a potential, `energy` returns it and the force is minus its gradient.
 5. `entries()` names the places (row, column) that its Jacobian can fill; `jacobian` returns the exact values
-   of d(force)/dq and d(force)/du there. With `definite` it may drop what makes -d(force)/dq indefinite.
+   of d(force)/dq and d(force)/du there. With `definite` it may drop what makes -d(force)/dq indefinite. A term
+   whose forces turn with the sheet says so with `turns`; its `turning_jacobian` is then the symmetric part.
 6. `fixed()` names coordinates that the effect prescribes; `prescribe` writes them and their rates.
 7. `added_mass` is what it adds to the nodes' masses [kg].
 8. `breakpoints` are the times at which its own dependence on time is not smooth.
