@@ -24,7 +24,7 @@ setup(
             "py.typed",
             "config/*.*",
             "scenes/*.yaml",
-            "bridge/rigs/*.yaml",
+            "rig/rigs/*.yaml",
             "msg_defs/msg/*.msg",
             "msg_defs/srv/*.srv",
         ]
@@ -64,10 +64,10 @@ setup(
     entry_points={
         "console_scripts": [
             "ldcs = ldcs_ros.cli.main:main",
-            "bridge = ldcs_ros.ros.bridge_node:main",
-            "live_view = ldcs_ros.ros.live_view:main",
-            "mock_rig = ldcs_ros.ros.mock_rig_node:main",
-            "sim = ldcs_ros.ros.sim_node:main",
+            "bridge = ldcs_ros.ros.rig.bridge_node:main",
+            "live_view = ldcs_ros.ros.common.live_view:main",
+            "mock_rig = ldcs_ros.ros.rig.mock_rig_node:main",
+            "sim = ldcs_ros.ros.sim.sim_node:main",
         ],
     },
     zip_safe=False,

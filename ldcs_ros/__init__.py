@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ldcs_ros.scene import Scene, load_scene, shipped_scenes
-    from ldcs_ros.simulation import Simulation
+    from ldcs_ros.simulation.simulation import Simulation
 
 __version__ = "0.1.0"
 
@@ -29,7 +29,7 @@ _HOMES = {
     "Scene": "ldcs_ros.scene",
     "load_scene": "ldcs_ros.scene",
     "shipped_scenes": "ldcs_ros.scene",
-    "Simulation": "ldcs_ros.simulation",
+    "Simulation": "ldcs_ros.simulation.simulation",
 }
 
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.messages import pressure_command, wrench_command
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.interface.watchdog import Watchdog
+from ldcs_ros.messages.messages import pressure_command, wrench_command
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.watchdog import Watchdog
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
 ACCURACY = 1e-7  # m, a hundred times what the scenes ask for

@@ -14,13 +14,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from ldcs_ros import load_scene
-from ldcs_ros.bridge.bridge import Bridge
-from ldcs_ros.bridge.gate import Mode
-from ldcs_ros.bridge.mock.topics import COMMAND, SETPOINT, TRACKER
-from ldcs_ros.bridge.rig_file import load_rig, shipped_rigs
-from ldcs_ros.bridge.topic_link import TopicLink
-from ldcs_ros.interface.topics import TOPICS, expand
-from ldcs_ros.ros.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
+from ldcs_ros.messages.topics import TOPICS, expand
+from ldcs_ros.mock_rig.topics import COMMAND, SETPOINT, TRACKER
+from ldcs_ros.rig.bridge import Bridge
+from ldcs_ros.rig.gate import Mode
+from ldcs_ros.rig.rig_file import load_rig, shipped_rigs
+from ldcs_ros.rig.topic_link import TopicLink
+from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
 
 POLICY = Path(__file__).resolve().parents[1] / "ldcs_ros/config/sros2_policy.xml"
 EXPLANATION = """

@@ -7,16 +7,16 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros.bridge.mock.topics import ARRAY, COMMAND, FLUID, SETPOINT, TRACKER, TRANSFORM
-from ldcs_ros.bridge.topics import bridge_topics
 from ldcs_ros.cli.effects import bounds_text, describe, describe_class, value_text
 from ldcs_ros.integrators import INTEGRATORS, integrator_class
-from ldcs_ros.interface.topics import TOPICS, Topic
+from ldcs_ros.messages.topics import TOPICS, Topic
+from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, FLUID, SETPOINT, TRACKER, TRANSFORM
 from ldcs_ros.physics.effects import EFFECTS
 from ldcs_ros.physics.material import Material
-from ldcs_ros.ros.parameters import PARAMETERS, NodeParameter
-from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
-from ldcs_ros.ros.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
+from ldcs_ros.rig.topics import bridge_topics
+from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
+from ldcs_ros.ros.sim.parameters import PARAMETERS, NodeParameter
 from ldcs_ros.scene.schema import REPEATABLE, SENSORS, TOP_KEYS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.cdr import encode, header, message_class, nanoseconds
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.topics import Topic
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
+from ldcs_ros.messages.topics import Topic
 from ldcs_ros.sensors import Ticks
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 WIRE = Topic("wire", "sensor_msgs/msg/Range", "out", "length of the wire to P1 [m]")
 

@@ -58,12 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the report, print a summary; status 0, or 1 if a limit is broken."""
+    from ldcs_ros.bags import read_bag
     from ldcs_ros.compare.comparison import Options, compare
     from ldcs_ros.compare.output import write_report
     from ldcs_ros.compare.report import as_dict, summary
     from ldcs_ros.compare.tolerances import load_tolerances
-    from ldcs_ros.mapping import load_mapping
-    from ldcs_ros.recording import read_bag
+    from ldcs_ros.signals import load_mapping
 
     offset, estimate = _offset(arguments.offset)
     options = Options(

@@ -19,7 +19,7 @@ def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[s
     Raises:
         SceneError: The text is not `path=value`, or the path leads nowhere.
     """
-    from ldcs_ros.scene.paths import put_value
+    from ldcs_ros.schema.paths import put_value
 
     changed = copy.deepcopy(content)
     for override in overrides:

@@ -36,9 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the pictures and print their paths; exit status 0."""
+    from ldcs_ros.bags import read_bag
     from ldcs_ros.plotting.pictures import draw
     from ldcs_ros.plotting.style import LOOKS
-    from ldcs_ros.recording import read_bag
 
     recording = read_bag(arguments.bag)
     folder = arguments.output or arguments.bag.with_name(f"{arguments.bag.stem}_plots")

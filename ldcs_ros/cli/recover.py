@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Mend the bag and say what was kept; exit status 0."""
-    from ldcs_ros.recording import recover
+    from ldcs_ros.bags import recover
 
     with Progress(1.0, label=f"recover {arguments.bag.name}", unit="", quiet=arguments.json) as progress:
         report = recover(arguments.bag, progress=progress.show)

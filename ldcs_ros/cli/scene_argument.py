@@ -35,7 +35,7 @@ def given_mapping(arguments: argparse.Namespace) -> Any:
     Raises:
         MappingError: The file is not sound.
     """
-    from ldcs_ros.mapping import load_mapping
+    from ldcs_ros.signals import load_mapping
 
     return None if arguments.mapping is None else load_mapping(arguments.mapping)
 
@@ -47,9 +47,9 @@ def scene_of(bag: Path, arguments: argparse.Namespace) -> Any:
         SceneError: There is none, or it is not valid, before or after the changes.
         RecordingError: The bag cannot be read.
     """
+    from ldcs_ros.bags import read_bag
     from ldcs_ros.errors import SceneError
-    from ldcs_ros.recording import read_bag
-    from ldcs_ros.replay.description import recorded_scene
+    from ldcs_ros.twin.description import recorded_scene
 
     if arguments.scene is not None:
         return scene_with(arguments.scene, arguments.overrides)

@@ -17,8 +17,8 @@ from ldcs_ros.cli.scene_argument import add_set, scene_with
 from ldcs_ros.errors import DivergenceError
 
 if TYPE_CHECKING:
-    from ldcs_ros.interface.recorder import Recorder
-    from ldcs_ros.interface.twin import Twin
+    from ldcs_ros.twin.recorder import Recorder
+    from ldcs_ros.twin.twin import Twin
 
 DESCRIPTION = """\
 Run a scene as fast as it can, without ROS. The bag holds what the live node would record: nodes, poses, joint
@@ -66,8 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError(
             "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
         )
-    from ldcs_ros.interface.recorder import Recorder
-    from ldcs_ros.interface.twin import Twin
+    from ldcs_ros.twin.recorder import Recorder
+    from ldcs_ros.twin.twin import Twin
 
     scene = scene_with(arguments.scene, arguments.overrides)
     began = time.perf_counter()

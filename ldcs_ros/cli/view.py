@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError("view needs a BAG, or --live for a running twin, and not both")
     if arguments.live is not None:
         return _run_live(arguments)
-    from ldcs_ros.recording import read_bag
+    from ldcs_ros.bags import read_bag
 
     recording = read_bag(arguments.bag)
     if arguments.markers is not None:
@@ -127,7 +127,7 @@ def _run_live(arguments: argparse.Namespace) -> int:
     words += ["--no-browser"] if arguments.no_browser else []
     words += ["--json"] if arguments.json else []
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "ldcs_ros.ros.live_view", *words])
+    os.execv(sys.executable, [sys.executable, "-m", "ldcs_ros.ros.common.live_view", *words])
 
 
 def _tell(

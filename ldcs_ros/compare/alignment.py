@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ldcs_ros.compare.resample import common
-from ldcs_ros.compare.side import Series
+from ldcs_ros.signals.resample import common
+from ldcs_ros.signals.series import Series
 
 # Two recordings must share at least this part of the shorter one.
 LEAST_OVERLAP = 0.5

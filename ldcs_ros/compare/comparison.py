@@ -9,10 +9,10 @@ from typing import Any
 from ldcs_ros.compare.alignment import Offset, estimate_offset
 from ldcs_ros.compare.difference import ChannelDifference, Figures, channel_difference
 from ldcs_ros.compare.field import FieldDifference, field_difference
-from ldcs_ros.compare.side import Side, side_of
 from ldcs_ros.compare.tolerances import Check, Tolerances, check
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.mapping import Mapping
+from ldcs_ros.signals import Mapping
+from ldcs_ros.signals.series import Side, side_of
 
 SURFACE = "surface"
 

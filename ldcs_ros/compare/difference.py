@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.compare.resample import common
-from ldcs_ros.compare.side import Series
+from ldcs_ros.signals.resample import common
+from ldcs_ros.signals.series import Series
 
 # The end of a run, over which the final difference is averaged.
 END_SHARE = 0.05

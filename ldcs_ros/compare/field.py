@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.compare.curves import SAME_TIME, at_times, curve
 from ldcs_ros.compare.difference import Figures, figures
-from ldcs_ros.compare.side import surface_values
-from ldcs_ros.plotting.tracks import SurfaceTrack
+from ldcs_ros.signals.interpolate import SAME_TIME, at_times, curve
+from ldcs_ros.signals.series import surface_values
+from ldcs_ros.signals.tracks import SurfaceTrack
 
 # Moments compared at most: a long run is sampled evenly.
 MOST_MOMENTS = 1000

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ldcs_ros.compare.difference import Figures
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.user_file import Checks
+from ldcs_ros.schema.reader import Checks
 
 FIGURES = tuple(field.name for field in fields(Figures))
 

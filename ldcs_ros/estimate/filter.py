@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.estimate.reduced import NOMINAL, PARAMETERS, ReducedModel
 from ldcs_ros.scene import Scene
-from ldcs_ros.threads import one_thread
+from ldcs_ros.simulation.threads import one_thread
 
 LONGEST_STEP = 0.0125
 _SAME_MOMENT = 0.004

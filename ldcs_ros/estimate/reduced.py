@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from ldcs_ros.estimate.basis import main_directions, rest_shapes
 from ldcs_ros.physics.inputs import HeldInputs, Valve
 from ldcs_ros.scene import Scene
-from ldcs_ros.threads import one_thread
+from ldcs_ros.simulation.threads import one_thread
 
 PARAMETERS = ("gain", "load", "stiffness")
 """Factor on the arms' torque, weight at the loaded point beside the scene's [N], factor on the springs."""

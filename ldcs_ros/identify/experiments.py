@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ldcs_ros.compare.side import side_of
+from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import LdcsError, SceneError
-from ldcs_ros.interface.commands import Commands, Refusal
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.mapping import Mapping, guess_mapping
-from ldcs_ros.recording import read_bag
-from ldcs_ros.replay.description import describe
+from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.foreign import mapped_commands
 from ldcs_ros.replay.own import timeline
 from ldcs_ros.replay.session import without_schedule
 from ldcs_ros.scene import Scene
+from ldcs_ros.signals import Mapping, guess_mapping
+from ldcs_ros.signals.series import side_of
+from ldcs_ros.twin.commands import Commands, Refusal
+from ldcs_ros.twin.description import describe
 
 
 class IdentificationError(LdcsError, ValueError):

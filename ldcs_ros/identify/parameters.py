@@ -12,7 +12,7 @@ import numpy as np
 from ldcs_ros.errors import SceneError
 from ldcs_ros.identify.experiments import IdentificationError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.scene.paths import get_value, put_value
+from ldcs_ros.schema.paths import get_value, put_value
 
 SPAN = 4.0  # a parameter without bounds is looked for between a quarter and four times its value
 LOGARITHMIC = 4.0  # bounds whose ratio is at least this are searched on a logarithmic scale

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ldcs_ros.integrators.dirk import Dirk
+from ldcs_ros.integrators.implicit.esdirk import Dirk
 from ldcs_ros.integrators.tableaux import ESDIRK43, Tableau
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.explicit import RATE_SHARE
-from ldcs_ros.integrators.linear import LinearSystem
+from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Motion
 

@@ -19,12 +19,12 @@ from launch.event_handlers import OnProcessIO
 from launch.events.process import ProcessIO
 from launch_ros.substitutions import ExecutableInPackage
 
+from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.recording import read_bag
-from ldcs_ros.replay.description import RunDescription, describe
-from ldcs_ros.ros.launching import PACKAGE, argument, node
-from ldcs_ros.ros.runner import Mode
+from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.ros.common.launching import PACKAGE, argument, node
+from ldcs_ros.ros.sim.runner import Mode
+from ldcs_ros.twin.description import RunDescription, describe
 
 # The player starts when the twin's time has run for two seconds, and takes a moment.
 LEAD = 3.0

@@ -12,8 +12,8 @@ from launch.event_handlers import OnProcessIO
 from launch.events.process import ProcessIO
 from launch_ros.actions import Node
 
-from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
-from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
+from ldcs_ros.ros.common.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
 
 # Both nodes have a scene: the rig's is the twin's, with something hidden in it.
 RIG = [one for one in MOCK_RIG_PARAMETERS.values() if one.name not in ("scene", "rig_file")]

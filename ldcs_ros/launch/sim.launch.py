@@ -6,8 +6,8 @@ from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
-from ldcs_ros.ros.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
-from ldcs_ros.ros.parameters import PARAMETERS
+from ldcs_ros.ros.common.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.sim.parameters import PARAMETERS
 
 
 def generate_launch_description() -> LaunchDescription:

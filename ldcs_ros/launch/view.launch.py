@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from ldcs_ros.ros.launching import NAMESPACE, PACKAGE, argument
+from ldcs_ros.ros.common.launching import NAMESPACE, PACKAGE, argument
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -36,7 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.quantity import REQUIRED, quantity
+from ldcs_ros.schema.fields import REQUIRED, quantity
 
 IN_LAYER_SHARE = 1.0 / 3.0
 # Z t^-4 over the mean of C11 / dx^4 and C11 / dy^4: above 4 there is a solution; larger is stiffer to integrate.

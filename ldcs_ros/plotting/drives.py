@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ldcs_ros.plotting.style import LINE_COLOURS, SCREEN, SOFT_INK, Look, dress, heading, new_figure
-from ldcs_ros.plotting.tracks import Track
+from ldcs_ros.signals.tracks import Track
 
 KPA = 1e-3
 

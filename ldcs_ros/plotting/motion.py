@@ -17,7 +17,7 @@ from ldcs_ros.errors import LdcsError
 from ldcs_ros.plotting.style import INK, LABEL_SIZE, LOAD_COLOUR, SURFACE_MAP, heading, new_figure
 from ldcs_ros.plotting.subject import Subject
 from ldcs_ros.plotting.surface import add_colour_bar, common_frame, draw_surface
-from ldcs_ros.plotting.tracks import SurfaceTrack
+from ldcs_ros.signals.tracks import SurfaceTrack
 
 WIDTH, HEIGHT, DPI = 5.2, 3.8, 100
 FRAME_RATE = 20.0

@@ -16,7 +16,7 @@ from ldcs_ros.plotting.points import points_figure
 from ldcs_ros.plotting.style import SCREEN, Look, save_figure
 from ldcs_ros.plotting.subject import subject_of
 from ldcs_ros.plotting.surface import surface_figure
-from ldcs_ros.plotting.tracks import (
+from ldcs_ros.signals.tracks import (
     SurfaceTrack,
     joint_tracks,
     point_tracks,

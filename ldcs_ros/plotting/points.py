@@ -18,7 +18,7 @@ from ldcs_ros.plotting.style import (
     label_line_ends,
     new_figure,
 )
-from ldcs_ros.plotting.tracks import Track
+from ldcs_ros.signals.tracks import Track
 
 MM = 1e3
 

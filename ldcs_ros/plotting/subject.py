@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point, point_at
-from ldcs_ros.plotting.tracks import SurfaceTrack
+from ldcs_ros.signals.tracks import SurfaceTrack
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.interface import messages
-from ldcs_ros.mapping import CommandSource, MappingError, fields
-from ldcs_ros.mapping.intake import Intake
+from ldcs_ros.messages import messages
+from ldcs_ros.signals import CommandSource, MappingError, fields
+from ldcs_ros.signals.intake import Intake
 
 # A vented rig that commands absolute pressure is off by the weather and its gauge's zero [Pa].
 NEAR_ZERO = 3.0e3

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from ldcs_ros.interface.cdr import nanoseconds
-from ldcs_ros.interface.topics import Topic
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.messages.cdr import nanoseconds
+from ldcs_ros.messages.topics import Topic
+from ldcs_ros.twin.twin import Twin
 
 
 class Entry(Protocol):

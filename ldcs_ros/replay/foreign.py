@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ldcs_ros.mapping import CommandSource, Mapping, MappingError
-from ldcs_ros.mapping.intake import Intake, take_in
 from ldcs_ros.replay.conversion import converted
+from ldcs_ros.signals import CommandSource, Mapping, MappingError
+from ldcs_ros.signals.intake import Intake, take_in
 
 
 @dataclass(frozen=True)

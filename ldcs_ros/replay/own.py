@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ldcs_ros.interface.topics import TOPICS, Topic
+from ldcs_ros.messages.topics import TOPICS, Topic
 from ldcs_ros.replay.feed import RecordedCommand, is_counted
 
 COMMANDS = tuple(name for name, topic in TOPICS.items() if topic.direction == "in" and topic.recorded)

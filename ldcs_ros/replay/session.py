@@ -11,19 +11,19 @@ from typing import Any
 
 import yaml
 
+from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
-from ldcs_ros.interface.recorder import Recorder, run_description
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.mapping import Mapping, guess_mapping
-from ldcs_ros.mapping.intake import Intake
-from ldcs_ros.recording import Recording, read_bag
-from ldcs_ros.replay.description import VERSIONS, RunDescription, describe, recorded_scene
 from ldcs_ros.replay.feed import Outcome, feed
 from ldcs_ros.replay.foreign import mapped_commands
 from ldcs_ros.replay.own import timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
+from ldcs_ros.signals import Mapping, guess_mapping
+from ldcs_ros.signals.intake import Intake
+from ldcs_ros.twin.description import VERSIONS, RunDescription, describe, recorded_scene
+from ldcs_ros.twin.recorder import Recorder, run_description
+from ldcs_ros.twin.twin import Twin
 
 # A scene with a fixed step promises no accuracy; two platforms still round almost alike [m].
 FIXED_STEP_ALLOWED = 1e-6

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.plotting.tracks import CLOUD, cloud_positions
+from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.signals.tracks import CLOUD, cloud_positions
 
 MEASURED = {topic.type for topic in TOPICS.values() if topic.measured}
 """Types of what tells how long the computer took: not compared."""

@@ -10,9 +10,9 @@ from typing import Any
 import yaml
 
 from ldcs_ros.errors import SceneError
-from ldcs_ros.physics.quantity import did_you_mean
 from ldcs_ros.scene import schema
 from ldcs_ros.scene.scene import Scene, Solver
+from ldcs_ros.schema.fields import did_you_mean
 
 MOST_BYTES = 1_000_000
 MOST_SHOWN = 200

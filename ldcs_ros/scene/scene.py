@@ -12,7 +12,7 @@ from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 
 if TYPE_CHECKING:
-    from ldcs_ros.simulation import Simulation
+    from ldcs_ros.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,6 @@ class Scene:
 
     def build(self) -> Simulation:
         """Return a simulation of the scene at its start."""
-        from ldcs_ros.simulation import Simulation
+        from ldcs_ros.simulation.simulation import Simulation
 
         return Simulation(self)

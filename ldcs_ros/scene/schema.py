@@ -16,8 +16,8 @@ from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
-from ldcs_ros.physics.quantity import check_choice, check_number, did_you_mean
 from ldcs_ros.scene.scene import Solver
+from ldcs_ros.schema.fields import check_choice, check_number, did_you_mean
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side: a memory limit, far above what is useful

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.sensors.checks import check_range
+from ldcs_ros.schema.checks import check_range
 from ldcs_ros.sensors.ticks import Ticks
 
 

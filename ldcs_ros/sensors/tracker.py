@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.errors import SceneError
-from ldcs_ros.sensors.checks import check_range
+from ldcs_ros.schema.checks import check_range
 from ldcs_ros.sensors.ticks import Ticks
 
 Pose = tuple[np.ndarray, np.ndarray]

@@ -8,10 +8,10 @@ from typing import Any
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.scene import load_scene
+from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.study.problems import content_of
 from ldcs_ros.study.tasks import Row, Task
 from ldcs_ros.study.timing import best_of
-from ldcs_ros.threads import one_thread
 
 # Beside the shipped scene's effects: those that work with any of them.
 ADDED = (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.integrators.first_order import FirstOrder
-from ldcs_ros.threads import one_thread
+from ldcs_ros.simulation.threads import one_thread
 
 # Absolute tolerance of rates against that of positions [1/s]; rates of 0.1 m/s belong to displacements of centimetres.
 RATE_WEIGHT = 10.0

@@ -14,10 +14,10 @@ from typing import Any
 
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.physics.compiled import HAVE_NUMBA
+from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.study.problems import ERROR_TIMES, scene_of
 from ldcs_ros.study.tasks import Row, Task
 from ldcs_ros.study.timing import best_of
-from ldcs_ros.threads import one_thread
 
 INTERVAL, LEAST_STAGES, MOST_STAGES = 0.353, 5, 152
 METHOD = "rock4_bound"

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros.threads import one_thread
+from ldcs_ros.simulation.threads import one_thread
 
 
 def best_of(runs: int, work: Callable[[], Any], *, enough: float = 1.0) -> tuple[float, Any]:

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.scene.paths import get_value, put_value
+from ldcs_ros.schema.paths import get_value, put_value
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.cases import CALIBRATED
 from ldcs_ros.validate.measure import MM, Rest, at_rest

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from ldcs_ros.scene import Scene, load_scene
-from ldcs_ros.scene.paths import get_value, put_value
+from ldcs_ros.schema.paths import get_value, put_value
 from ldcs_ros.validate.calibration import with_values
 from ldcs_ros.validate.measure import MM, at_rest, displacement
 

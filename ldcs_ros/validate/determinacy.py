@@ -172,7 +172,7 @@ def compare_structures(content: dict[str, Any], progress: Progress) -> Iterator[
 def _changed(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     import copy
 
-    from ldcs_ros.scene.paths import put_value
+    from ldcs_ros.schema.paths import put_value
 
     changed = copy.deepcopy(content)
     for path, value in changes.items():

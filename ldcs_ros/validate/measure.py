@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.scene import Scene, load_scene
-from ldcs_ros.simulation import Simulation
+from ldcs_ros.simulation.simulation import Simulation
 
 MM = 1e3
 

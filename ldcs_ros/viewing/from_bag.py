@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import RecordingError, ViewingError
-from ldcs_ros.interface.markers import Markers
-from ldcs_ros.plotting.tracks import (
+from ldcs_ros.messages.display.markers import Markers
+from ldcs_ros.signals.moments import Moment, moments, scene_of, topic_of
+from ldcs_ros.signals.tracks import (
     CLOUD,
     Track,
     joint_tracks,
@@ -22,7 +23,6 @@ from ldcs_ros.plotting.tracks import (
 )
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.library import new_stream
-from ldcs_ros.viewing.moments import Moment, moments, scene_of, topic_of
 from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
 
 MOST_SURFACES = 3000

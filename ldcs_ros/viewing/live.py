@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.marker import figures_of
-from ldcs_ros.plotting.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.display.marker import figures_of
+from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from ldcs_ros.bags import BagWriter, TopicInfo
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.interface.markers import MARKER_TOPICS, Markers
-from ldcs_ros.interface.topics import BASE_FRAME, TOPICS
-from ldcs_ros.plotting.tracks import CLOUD
-from ldcs_ros.recording import BagWriter, TopicInfo
-from ldcs_ros.viewing.moments import Moment, moments, scene_of, topic_of
+from ldcs_ros.messages.display.markers import MARKER_TOPICS, Markers
+from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
+from ldcs_ros.signals.moments import Moment, moments, scene_of, topic_of
+from ldcs_ros.signals.tracks import CLOUD
 
 
 def write_marker_bag(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ldcs_ros.interface.colours import of_height
-from ldcs_ros.interface.surface import triangles
+from ldcs_ros.messages.display.colours import of_height
+from ldcs_ros.messages.surface import triangles
 
 
 class ShadedMesh:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_rgb
 
-from ldcs_ros.interface import colours
-from ldcs_ros.interface.loads import rotate
-from ldcs_ros.interface.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, SPHERE_LIST, TEXT, Figure
+from ldcs_ros.messages.display import colours
+from ldcs_ros.messages.display.loads import rotate
+from ldcs_ros.messages.display.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, SPHERE_LIST, TEXT, Figure
 from ldcs_ros.plotting.style import AXIS_COLOURS, LINE_COLOURS
 from ldcs_ros.viewing.library import rerun
 from ldcs_ros.viewing.mesh import ShadedMesh

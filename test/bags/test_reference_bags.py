@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ldcs_ros.bags import read_bag
 from ldcs_ros.cli.main import main
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.plotting.tracks import point_tracks, pressure_tracks
-from ldcs_ros.recording import read_bag
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.signals.tracks import point_tracks, pressure_tracks
 
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = ROOT / "bags"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
 
 
 def a_bag(ldcs, scene_file, folder):

@@ -7,7 +7,7 @@ import json
 import pytest
 import yaml
 
-from ldcs_ros.recording import BagWriter, read_bag
+from ldcs_ros.bags import BagWriter, read_bag
 
 
 @pytest.fixture

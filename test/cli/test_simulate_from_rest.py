@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
 
 
 def test_a_run_from_rest_begins_when_the_rises_are_over(ldcs, tmp_path):

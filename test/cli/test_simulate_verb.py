@@ -14,8 +14,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface import recorder as recorder_module
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.twin import recorder as recorder_module
 
 
 def test_a_run_is_recorded_with_inputs_nodes_and_poses(ldcs, scene_file, tmp_path):

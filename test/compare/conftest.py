@@ -16,9 +16,9 @@ import rig_bag  # noqa: E402
 from moving_sheet import SCENE  # noqa: E402
 
 from ldcs_ros import load_scene  # noqa: E402
-from ldcs_ros.interface.messages import pressure_command  # noqa: E402
-from ldcs_ros.interface.recorder import Recorder  # noqa: E402
-from ldcs_ros.interface.twin import Twin  # noqa: E402
+from ldcs_ros.messages.messages import pressure_command  # noqa: E402
+from ldcs_ros.twin.recorder import Recorder  # noqa: E402
+from ldcs_ros.twin.twin import Twin  # noqa: E402
 
 
 def record(folder, *, seed=None, **changes):
@@ -49,8 +49,8 @@ def softer(tmp_path_factory):
 @pytest.fixture(scope="session")
 def motion(run):
     """Times [s] and true positions of P0 and P1 [m] of the run."""
-    from ldcs_ros.plotting.tracks import point_tracks
-    from ldcs_ros.recording import read_bag
+    from ldcs_ros.bags import read_bag
+    from ldcs_ros.signals.tracks import point_tracks
 
     tracks = point_tracks(read_bag(run), truth=True)
     return tracks["P1"].time, {name: track.value for name, track in tracks.items()}
@@ -107,6 +107,6 @@ MAPPING = {
 
 @pytest.fixture
 def tracker_mapping():
-    from ldcs_ros.mapping.load import parse_mapping
+    from ldcs_ros.signals.load import parse_mapping
 
     return parse_mapping(MAPPING)

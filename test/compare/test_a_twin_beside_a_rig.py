@@ -12,9 +12,9 @@ from rig_bag import WALL, array, transform, write
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.twin.twin import Twin
 
 MAPPING = """\
 time: log

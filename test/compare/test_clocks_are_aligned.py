@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.alignment import estimate_offset
 from ldcs_ros.compare.comparison import Options, compare
-from ldcs_ros.compare.side import AXES, Series
-from ldcs_ros.recording import read_bag
+from ldcs_ros.signals.series import AXES, Series
 
 
 def lift(time):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.comparison import Options, compare
 from ldcs_ros.compare.difference import channel_difference
 from ldcs_ros.compare.field import field_difference
-from ldcs_ros.compare.side import AXES, Series, clean
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.mapping import MappingError
-from ldcs_ros.mapping.load import parse_mapping
-from ldcs_ros.recording import read_bag
+from ldcs_ros.signals import MappingError
+from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals.series import AXES, Series, clean
 
 
 def series(time, value, *, unit="m", smooth=True):

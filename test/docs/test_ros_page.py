@@ -12,13 +12,13 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.effects import describe
-from ldcs_ros.interface.entities import Entities
-from ldcs_ros.interface.topics import BASE_FRAME, TOPICS
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
 from ldcs_ros.physics.effects import EFFECTS
-from ldcs_ros.ros.parameters import PARAMETERS
-from ldcs_ros.ros.service_table import SIM_SERVICES
+from ldcs_ros.ros.common.service_table import SIM_SERVICES
+from ldcs_ros.ros.sim.parameters import PARAMETERS
+from ldcs_ros.ros.simulator.entities import Entities
 from ldcs_ros.scene.schema import TOP_KEYS
+from ldcs_ros.twin.twin import Twin
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/ros.md").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ import time
 from load_session import Session, counts
 from load_tables import row
 
-from ldcs_ros.interface import messages
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.messages import messages
 
 JOINTS = ("left_joint_1", "right_joint_1")
 

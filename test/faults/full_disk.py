@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from load_session import Session
 from load_tables import row
 
-from ldcs_ros.recording import read_bag, recover
+from ldcs_ros.bags import read_bag, recover
 
 
 @contextmanager

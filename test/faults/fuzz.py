@@ -23,10 +23,10 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from sent_messages import INPUTS, Sender
 
-from ldcs_ros.interface.commands import REASONS
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
 from ldcs_ros.replay.session import replay
-from ldcs_ros.ros.parameters import PARAMETERS
+from ldcs_ros.ros.sim.parameters import PARAMETERS
+from ldcs_ros.twin.commands import REASONS
 
 HALT_PERIOD = 10.0
 ROUND_PERIOD = 45.0

@@ -10,8 +10,8 @@ from flood import send
 from load_session import Session
 from load_tables import row
 
-from ldcs_ros.interface import messages
-from ldcs_ros.recording import read_bag, recover
+from ldcs_ros.bags import read_bag, recover
+from ldcs_ros.messages import messages
 from ldcs_ros.replay.session import replay
 
 

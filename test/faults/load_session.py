@@ -10,7 +10,7 @@ from pathlib import Path
 from live import LiveNode, PlainUser, own_domain
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from ldcs_ros.ros.optional import message_type
+from ldcs_ros.ros.common.optional import message_type
 
 NODE = "/ldcs/ldcs_sim"
 CLOUD = message_type("sensor_msgs/msg/PointCloud2")

@@ -8,7 +8,7 @@ from random import Random
 
 from rclpy.serialization import serialize_message
 
-from ldcs_ros.interface.cdr import typestore
+from ldcs_ros.messages.cdr import typestore
 
 _ARRAY = re.compile(r"^(?:sequence<(?P<of>[^,>]+)(?:, (?P<bound>\d+))?>|(?P<each>.+)\[(?P<size>\d+)\])$")
 _INTEGER = re.compile(r"^(u?)int(\d+)$")

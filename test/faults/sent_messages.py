@@ -7,7 +7,7 @@ from random import Random
 
 from random_messages import TEXTS, cdr_of, fill, message_of, number, torn
 
-from ldcs_ros.interface.topics import TOPICS
+from ldcs_ros.messages.topics import TOPICS
 
 INPUTS = {
     name: topic.type.replace("/msg/", "/")

@@ -12,8 +12,8 @@ from load_session import Figures, Session, counts
 from load_tables import row
 from witness import Witness
 
-from ldcs_ros.interface import messages
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.messages import messages
 from ldcs_ros.replay.session import replay
 
 NODES = "/ldcs/nodes"

@@ -6,13 +6,13 @@ import time
 from collections import deque
 
 from ldcs_ros import load_scene
-from ldcs_ros.bridge.bridge import Bridge
-from ldcs_ros.bridge.gate import Mode
-from ldcs_ros.bridge.mock.rig import MockRig
-from ldcs_ros.bridge.mock.topics import Topics
-from ldcs_ros.bridge.rig_file import load_rig
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.ros.rig_bridge import RigBridge
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.mock_rig.rig import MockRig
+from ldcs_ros.mock_rig.topics import Topics
+from ldcs_ros.rig.bridge import Bridge
+from ldcs_ros.rig.gate import Mode
+from ldcs_ros.rig.rig_file import load_rig
+from ldcs_ros.ros.rig.rig_bridge import RigBridge
 
 JUNK = (b"", b"\0", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff\xff", pressure_command([1e5])[:-3], b"\xff" * 40)
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from load_session import CLOUD, Session, counts
 
-from ldcs_ros.interface import messages
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.messages import messages
 
 COMPILER = shutil.which("cc")
 JUMPS = (3600, -86_400, 0)  # s off the true time: an hour on, a day and an hour back, right again

@@ -10,8 +10,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.ros.intake import Intake
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.ros.common.intake import Intake
 
 
 def test_what_was_taken_and_what_was_missed_is_what_was_sent():

@@ -9,7 +9,7 @@ from live import own_domain
 from rclpy.context import Context
 from rclpy.node import Node
 
-from ldcs_ros.ros.namesakes import Namesakes
+from ldcs_ros.ros.sim.namesakes import Namesakes
 
 
 def until_level(namesakes, level):

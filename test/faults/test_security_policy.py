@@ -13,10 +13,10 @@ from xml.etree import ElementTree
 import pytest
 from live import LiveNode, PlainUser, own_domain
 
-from ldcs_ros.bridge.rig_file import shipped_rigs
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.ros.security import check_security
+from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.rig.rig_file import shipped_rigs
+from ldcs_ros.ros.common.security import check_security
 
 ROOT = Path(__file__).resolve().parents[2]
 POLICY = ROOT / "ldcs_ros/config/sros2_policy.xml"
@@ -172,7 +172,7 @@ def test_a_middleware_without_security_refuses_to_run_when_it_is_enforced(tmp_pa
         "ROS_SECURITY_KEYSTORE": str(tmp_path),
         "ROS_DOMAIN_ID": str(own_domain()),
     }
-    command = [sys.executable, "-m", "ldcs_ros.ros.sim_node", "--ros-args", "--enclave", "/ldcs/ldcs_sim"]
+    command = [sys.executable, "-m", "ldcs_ros.ros.sim.sim_node", "--ros-args", "--enclave", "/ldcs/ldcs_sim"]
     done = subprocess.run(command, env={**os.environ, **settings}, capture_output=True, text=True, timeout=30)
     # A distribution with DDS-Security refuses as well: there are no keys in this keystore.
     assert done.returncode == 2

@@ -8,12 +8,12 @@ import time
 import numpy as np
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.diagnostics import ERROR
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.ros.health import health
-from ldcs_ros.ros.pacing import AS_FAST_AS_POSSIBLE, Pacer
-from ldcs_ros.ros.runner import Mode, Runner
+from ldcs_ros.messages.diagnostics import ERROR
+from ldcs_ros.ros.sim.health import health
+from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
+from ldcs_ros.ros.sim.runner import Mode, Runner
 from ldcs_ros.study.hard.scenes import HANGING, changed
+from ldcs_ros.twin.twin import Twin
 
 # The sheet falls onto a floor on which this step is far above the stability limit: rk4 must stop there.
 ENDS = changed(

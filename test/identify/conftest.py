@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 HIDDEN = {"effects.springs.stiffness": 110.0, "effects.arms.pressure_gain": 1.1e-6}
 DURATION = 0.7  # s

@@ -13,8 +13,8 @@ from ldcs_ros.identify.experiments import Experiment, read_experiment
 from ldcs_ros.identify.identify import identify
 from ldcs_ros.identify.parameters import parse_parameter
 from ldcs_ros.identify.prediction import predict
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.mapping.load import parse_mapping
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.signals.load import parse_mapping
 
 from .conftest import small_scene
 

@@ -7,13 +7,13 @@ import pytest
 import yaml
 
 from ldcs_ros import load_scene
+from ldcs_ros.bags import read_bag
 from ldcs_ros.identify.experiments import read_experiment
 from ldcs_ros.identify.identify import identify
 from ldcs_ros.identify.parameters import parse_parameter
 from ldcs_ros.identify.prediction import predict
 from ldcs_ros.identify.scene_file import as_dict, scene_text
-from ldcs_ros.plotting.tracks import point_tracks
-from ldcs_ros.recording import read_bag
+from ldcs_ros.signals.tracks import point_tracks
 
 from .conftest import HIDDEN
 

@@ -17,9 +17,9 @@ from ldcs_ros.identify.judgement import covariance, misfit, score
 from ldcs_ros.identify.parameters import Parameter, check_parameters, parse_parameter
 from ldcs_ros.identify.prediction import predict, residuals
 from ldcs_ros.identify.workers import Workers
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 from .conftest import SCHEDULES, record, small_scene
 

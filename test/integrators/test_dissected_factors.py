@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from ldcs_ros import load_scene
-from ldcs_ros.integrators import linear
-from ldcs_ros.integrators.dissection import Dissection
+from ldcs_ros.integrators.implicit import system as linear
+from ldcs_ros.integrators.implicit.nested_dissection import Dissection
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from ldcs_ros import load_scene
-from ldcs_ros.integrators.linear import LinearSystem
+from ldcs_ros.integrators.implicit.system import LinearSystem
 
 
 @pytest.mark.parametrize("scene", ["paper", "arc", "free_flight", "rig", "single_spring"])

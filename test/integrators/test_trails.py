@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros import load_scene
-from ldcs_ros.integrators.trail import Trail
+from ldcs_ros.integrators.implicit.predictor import Trail
 
 
 def _interval(trail, start, length, shape):

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from ldcs_ros import load_scene
-from ldcs_ros.integrators.linear import LinearSystem
+from ldcs_ros.integrators.implicit.system import LinearSystem
 
 RATE_STEP = 0.01
 

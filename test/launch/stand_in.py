@@ -179,7 +179,7 @@ def install(monkeypatch: Any) -> None:
         for member in members:
             setattr(module, member.__name__, member)
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.delitem(sys.modules, "ldcs_ros.ros.launching", raising=False)
+    monkeypatch.delitem(sys.modules, "ldcs_ros.ros.common.launching", raising=False)
 
 
 @dataclass

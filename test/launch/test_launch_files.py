@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import stand_in  # noqa: E402
 
-from ldcs_ros.ros.parameters import PARAMETERS  # noqa: E402
-from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS  # noqa: E402
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS  # noqa: E402
+from ldcs_ros.ros.sim.parameters import PARAMETERS  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "ldcs_ros/launch"
@@ -42,7 +42,7 @@ def launch(monkeypatch):
         return stand_in.Launched(context).visit(module.generate_launch_description().entities)
 
     yield execute
-    sys.modules.pop("ldcs_ros.ros.launching", None)
+    sys.modules.pop("ldcs_ros.ros.common.launching", None)
 
 
 def console_scripts():
@@ -137,7 +137,7 @@ def test_a_real_rig_needs_no_stand_in(launch):
 
 def test_a_bag_commands_a_live_twin_of_its_own_scene(launch):
     from ldcs_ros import load_scene
-    from ldcs_ros.recording import read_bag
+    from ldcs_ros.bags import read_bag
 
     (exact,) = launch("replay.launch.py", output="out/again").started
     assert exact.command == ["ldcs_ros:ldcs", "replay", str(ROOT / "bags/impulse"), "--bag", "out/again"]
@@ -192,7 +192,7 @@ def test_the_real_launch_runs_the_twin_to_its_end(tmp_path):
         (prefix / folder).mkdir(parents=True)
     (prefix / "share/ament_index/resource_index/packages/ldcs_ros").touch()
     sim = prefix / "lib/ldcs_ros/sim"
-    sim.write_text(f'#!/bin/sh\nexec {sys.executable} -m ldcs_ros.ros.sim_node "$@"\n')
+    sim.write_text(f'#!/bin/sh\nexec {sys.executable} -m ldcs_ros.ros.sim.sim_node "$@"\n')
     sim.chmod(0o755)
     program = f"""
 import sys

@@ -11,34 +11,34 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ldcs_ros"
 
-CORE = {"errors", "threads", "physics", "integrators", "inputs", "simulation", "scene"}
+CORE = {"errors", "schema", "physics", "integrators", "simulation", "scene"}
 # Room -> the rooms it may import.
 ALLOWED = {
     "errors": set(),
-    "threads": set(),
-    "user_file": {"errors"},
-    "physics": {"errors"},
-    "integrators": {"errors", "physics"},
-    "inputs": {"errors", "physics"},
+    "schema": {"errors"},
+    "physics": {"errors", "schema"},
+    "integrators": {"errors", "schema", "physics"},
     "simulation": CORE - {"simulation", "scene"},
     "scene": CORE - {"scene"},
-    "sensors": {"errors"},
-    "recording": {"errors"},
-    "interface": CORE | {"sensors", "recording"},
+    "sensors": {"errors", "schema"},
+    "bags": {"errors"},
+    "messages": CORE | {"sensors", "bags", "twin"},
+    "twin": CORE | {"sensors", "bags", "messages"},
+    "signals": CORE | {"bags", "messages"},
+    "plotting": CORE | {"bags", "messages", "signals"},
     "validate": CORE | {"plotting"},
-    "identify": CORE | {"recording", "interface", "mapping", "replay", "compare"},
-    "plotting": CORE | {"recording", "interface"},
     "study": CORE | {"plotting"},
-    "viewing": CORE | {"recording", "interface", "plotting"},
-    "mapping": {"errors", "user_file"},
-    "compare": CORE | {"recording", "mapping", "plotting", "user_file"},
-    "replay": CORE | {"recording", "interface", "mapping", "plotting"},
-    "cli": CORE
-    | {"sensors", "recording", "interface", "plotting", "mapping"}
-    | {"replay", "compare", "validate", "identify", "study", "viewing"},
-    "ros": CORE | {"sensors", "recording", "interface", "bridge", "viewing"},
+    "compare": CORE | {"bags", "signals", "plotting"},
+    "replay": CORE | {"bags", "messages", "twin", "signals"},
+    "identify": CORE | {"bags", "messages", "twin", "signals", "replay"},
+    "viewing": CORE | {"bags", "messages", "signals", "plotting"},
     "estimate": CORE,
-    "bridge": CORE | {"sensors", "recording", "interface", "estimate", "mapping", "user_file"},
+    "rig": CORE | {"sensors", "bags", "messages", "twin", "signals", "estimate"},
+    "mock_rig": CORE | {"sensors", "messages", "rig"},
+    "cli": CORE
+    | {"bags", "messages", "twin", "signals", "plotting"}
+    | {"replay", "compare", "validate", "identify", "study", "viewing"},
+    "ros": CORE | {"sensors", "bags", "messages", "twin", "rig", "mock_rig", "viewing"},
     "__main__": {"cli"},
     "__init__": CORE,
 }

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.recording.definitions import own_definitions
-from ldcs_ros.recording.schemas import Schemas
+from ldcs_ros.bags.definitions import own_definitions
+from ldcs_ros.bags.schemas import Schemas
+from ldcs_ros.messages.topics import TOPICS
 
 ROOT = Path(__file__).resolve().parents[2]
 PREFIXES = [Path(p) for p in (sys.prefix, *filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(":")))]

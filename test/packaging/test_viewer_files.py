@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ldcs_ros.interface.cdr import message_class, typestore
-from ldcs_ros.interface.colours import of_point
-from ldcs_ros.interface.markers import MARKER_TOPICS
-from ldcs_ros.interface.topics import BASE_FRAME, TOPICS, expand
+from ldcs_ros.messages.cdr import message_class, typestore
+from ldcs_ros.messages.display.colours import of_point
+from ldcs_ros.messages.display.markers import MARKER_TOPICS
+from ldcs_ros.messages.topics import BASE_FRAME, TOPICS, expand
 
 CONFIG = Path(__file__).resolve().parents[2] / "ldcs_ros/config"
 NAMESPACE = "/ldcs/"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.recorder import run_description
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.recording import Recording
-from ldcs_ros.recording.recording import Message
+from ldcs_ros.bags import Recording
+from ldcs_ros.bags.recording import Message
+from ldcs_ros.twin.recorder import run_description
+from ldcs_ros.twin.twin import Twin
 
 SCENE = {
     "title": "A small sheet on a pneumatic pair of arms",

@@ -18,7 +18,7 @@ from ldcs_ros.plotting.points import points_figure
 from ldcs_ros.plotting.style import LOOKS
 from ldcs_ros.plotting.subject import subject_of
 from ldcs_ros.plotting.surface import surface_figure
-from ldcs_ros.plotting.tracks import joint_tracks, point_tracks, pressure_tracks, surface_track
+from ldcs_ros.signals.tracks import joint_tracks, point_tracks, pressure_tracks, surface_track
 
 
 def pixels(path):

@@ -9,7 +9,7 @@ import pytest
 
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting.subject import subject_of
-from ldcs_ros.plotting.tracks import joint_tracks, point_tracks, pressure_tracks, seconds, surface_track
+from ldcs_ros.signals.tracks import joint_tracks, point_tracks, pressure_tracks, seconds, surface_track
 
 
 @pytest.fixture

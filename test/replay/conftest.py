@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from ldcs_ros.interface.messages import pressure_command, torque_command, wrench_command
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.interface.watchdog import Watchdog
-from ldcs_ros.recording import BagWriter, TopicInfo, read_bag
+from ldcs_ros.bags import BagWriter, TopicInfo, read_bag
+from ldcs_ros.messages.messages import pressure_command, torque_command, wrench_command
 from ldcs_ros.replay.session import Changes, replay
-from ldcs_ros.ros.pacing import Pacer
-from ldcs_ros.ros.runner import Runner
+from ldcs_ros.ros.sim.pacing import Pacer
+from ldcs_ros.ros.sim.runner import Runner
+from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.watchdog import Watchdog
 
 NOTHING = (0.0, 0.0, 0.0)
 
@@ -180,7 +180,7 @@ def recorded_from(twin, folder):
     """Return a recorder of a twin as it stands, attached."""
     from contextlib import closing
 
-    from ldcs_ros.interface.recorder import Recorder
+    from ldcs_ros.twin.recorder import Recorder
 
     recorder = Recorder(folder, twin)
     twin.sinks.append(recorder)

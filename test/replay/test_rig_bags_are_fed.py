@@ -11,14 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rig_bag import WALL, array, fluid, transform, wrench, write
 
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.mapping import MappingError
-from ldcs_ros.mapping.load import parse_mapping
-from ldcs_ros.recording import BagWriter, read_bag
+from ldcs_ros.bags import BagWriter, read_bag
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.replay.session import Changes, replay, without_schedule
 from ldcs_ros.replay.session import replay as run_replay
+from ldcs_ros.signals import MappingError
+from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.twin.twin import Twin
 
 MS = 1_000_000
 

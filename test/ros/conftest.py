@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[1] / "interface"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "twin"))
 
 from live import LiveNode, PlainUser, own_domain  # noqa: E402
 

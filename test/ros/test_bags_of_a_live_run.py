@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.recording import read_bag
-from ldcs_ros.ros.bag_keeper import BagKeeper
+from ldcs_ros.bags import read_bag
+from ldcs_ros.ros.sim.bag_keeper import BagKeeper
+from ldcs_ros.twin.twin import Twin
 
 
 class Logger(list):

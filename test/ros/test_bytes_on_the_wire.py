@@ -10,10 +10,10 @@ from fake_scene import Collector
 from rclpy.serialization import deserialize_message, serialize_message
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.ros.optional import installed, message_type
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.ros.common.optional import installed, message_type
+from ldcs_ros.twin.twin import Twin
 
 
 def same(ours, theirs):

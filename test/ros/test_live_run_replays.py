@@ -6,7 +6,7 @@ import signal
 
 from std_msgs.msg import Float64MultiArray
 
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
 from ldcs_ros.replay.session import replay
 
 

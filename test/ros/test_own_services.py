@@ -10,7 +10,7 @@ import pytest
 from live import stamp
 from std_msgs.msg import Float64MultiArray
 
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
 from ldcs_ros.replay.session import replay
 
 srv = pytest.importorskip("ldcs_msgs.srv", reason="the interface package is not built")

@@ -15,9 +15,9 @@ import pytest
 import yaml
 from live import PlainUser, own_domain
 
-from ldcs_ros.ros.parameters import PARAMETERS
-from ldcs_ros.ros.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
-from ldcs_ros.ros.service_table import BRIDGE_SERVICES, SIM_SERVICES
+from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
+from ldcs_ros.ros.sim.parameters import PARAMETERS
 
 CONFIG = Path(__file__).resolve().parents[2] / "ldcs_ros/config"
 TABLES = {"sim": PARAMETERS, "bridge": BRIDGE_PARAMETERS, "mock_rig": MOCK_RIG_PARAMETERS}

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.interface.topics import TOPICS, Topic
-from ldcs_ros.ros.qos import POLICIES, check_overrides, profile, with_profile
+from ldcs_ros.messages.topics import TOPICS, Topic
+from ldcs_ros.ros.common.qos import POLICIES, check_overrides, profile, with_profile
 
 
 def complaints(**overrides):

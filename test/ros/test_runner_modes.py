@@ -8,10 +8,10 @@ import time
 import pytest
 from fake_scene import Collector, RailScene
 
-from ldcs_ros.interface.messages import pressure_command
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.ros.pacing import AS_FAST_AS_POSSIBLE, Pacer
-from ldcs_ros.ros.runner import Mode, NotNow, Runner
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
+from ldcs_ros.ros.sim.runner import Mode, NotNow, Runner
+from ldcs_ros.twin.twin import Twin
 
 
 @pytest.fixture

@@ -14,11 +14,11 @@ from fake_scene import RailScene  # noqa: E402
 from simulation_interfaces.msg import SimulationState  # noqa: E402
 from simulation_interfaces.srv import GetSimulationState, ResetSimulation, SetSimulationState  # noqa: E402
 
-from ldcs_ros.interface.twin import Twin  # noqa: E402
-from ldcs_ros.ros.pacing import AS_FAST_AS_POSSIBLE, Pacer  # noqa: E402
-from ldcs_ros.ros.runner import Runner  # noqa: E402
+from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer  # noqa: E402
+from ldcs_ros.ros.sim.runner import Runner  # noqa: E402
 from ldcs_ros.ros.simulator.answers import Refused  # noqa: E402
 from ldcs_ros.ros.simulator.control import Control  # noqa: E402
+from ldcs_ros.twin.twin import Twin  # noqa: E402
 
 
 @pytest.fixture

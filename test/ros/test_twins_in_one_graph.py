@@ -11,10 +11,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
-from ldcs_ros.interface.topics import TOPICS
-from ldcs_ros.recording import read_bag
-from ldcs_ros.recording.schemas import Schemas
-from ldcs_ros.ros.optional import installed
+from ldcs_ros.bags import read_bag
+from ldcs_ros.bags.schemas import Schemas
+from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.ros.common.optional import installed
 
 OVERRIDES = {
     "qos_overrides./twin1/joint_states.publisher.reliability": "best_effort",

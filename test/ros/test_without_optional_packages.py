@@ -10,7 +10,7 @@ import pytest
 PROGRAM = """\
 import sys
 sys.modules.update(dict.fromkeys(['ldcs_msgs', 'simulation_interfaces']))
-from ldcs_ros.ros.sim_node import main
+from ldcs_ros.ros.sim.sim_node import main
 sys.exit(main())
 """
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.interface import messages
-from ldcs_ros.interface.recorder import Recorder
-from ldcs_ros.interface.twin import Twin
-from ldcs_ros.recording import read_bag
+from ldcs_ros.bags import read_bag
+from ldcs_ros.messages import messages
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 SCENE = {
     "title": "A small sheet on a pneumatic pair of arms",

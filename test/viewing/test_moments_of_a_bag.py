@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.interface.cdr import decode
-from ldcs_ros.interface.markers import MARKER_TOPICS
-from ldcs_ros.recording import Recording, read_bag
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.display.markers import MARKER_TOPICS
+from ldcs_ros.signals.moments import moments, scene_of
 from ldcs_ros.viewing.marker_bag import write_marker_bag
-from ldcs_ros.viewing.moments import moments, scene_of
 
 
 def test_each_recorded_surface_comes_with_the_arms_of_its_time(lift, recording):

@@ -9,9 +9,9 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.interface.surface import triangles
-from ldcs_ros.interface.topics import TOPICS, expand
-from ldcs_ros.interface.twin import Twin
+from ldcs_ros.messages.surface import triangles
+from ldcs_ros.messages.topics import TOPICS, expand
+from ldcs_ros.twin.twin import Twin
 from ldcs_ros.viewing.live import LiveShow, is_shown
 from ldcs_ros.viewing.mesh import ShadedMesh
 
@@ -86,7 +86,7 @@ def test_a_long_bag_is_thinned_evenly_and_says_so(recording, tmp_path):
 
 def test_nothing_to_show_is_said(recording, tmp_path):
     pytest.importorskip("rerun", reason=NEEDS_RERUN)
-    from ldcs_ros.recording import Recording
+    from ldcs_ros.bags import Recording
     from ldcs_ros.viewing.from_bag import write_bag
 
     pressures = [m for m in recording.in_order() if m.topic.endswith("pressure")]

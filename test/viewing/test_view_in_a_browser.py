@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros.cli.main import main
-from ldcs_ros.interface.colours import of_height
+from ldcs_ros.messages.display.colours import of_height
 from ldcs_ros.viewing import library
 from ldcs_ros.viewing.browser import find_browser
 

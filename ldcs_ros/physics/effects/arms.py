@@ -11,7 +11,7 @@ from ldcs_ros.physics import arm
 from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldInputs
-from ldcs_ros.physics.quantity import choice, quantity
+from ldcs_ros.schema.fields import choice, quantity
 
 ARM_NAMES = ("left", "right")
 DRIVES = ("torque", "pressure", "curvature")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.lattice import EDGES
-from ldcs_ros.physics.quantity import choice
+from ldcs_ros.schema.fields import choice
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.curves import fill_arc, smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.physics.quantity import REQUIRED, quantity, words
+from ldcs_ros.schema.fields import REQUIRED, quantity, words
 
 
 @dataclass(frozen=True, kw_only=True)

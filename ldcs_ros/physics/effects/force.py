@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldInputs
-from ldcs_ros.physics.quantity import REQUIRED, place, quantity
+from ldcs_ros.schema.fields import REQUIRED, place, quantity
 
 
 @dataclass(frozen=True, kw_only=True)

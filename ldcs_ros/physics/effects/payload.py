@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.quantity import REQUIRED, place, quantity
+from ldcs_ros.schema.fields import REQUIRED, place, quantity
 
 
 @dataclass(frozen=True, kw_only=True)

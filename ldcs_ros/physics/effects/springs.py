@@ -12,7 +12,7 @@ from ldcs_ros.physics import axial
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.quantity import choice, quantity
+from ldcs_ros.schema.fields import choice, quantity
 
 LAWS = ("axial", "axiswise", "corotational")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.contact import PlaneContact
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.quantity import quantity
+from ldcs_ros.schema.fields import quantity
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldInputs, Wrench
 from ldcs_ros.physics.points import Point, point_at
-from ldcs_ros.physics.quantity import quantity
+from ldcs_ros.schema.fields import quantity
 
 ALIGNED = "_aligned"
 

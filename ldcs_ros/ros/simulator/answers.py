@@ -13,7 +13,7 @@ from simulation_interfaces import srv
 from simulation_interfaces.msg import Result
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.ros.runner import NotActive, NotNow
+from ldcs_ros.ros.sim.runner import NotActive, NotNow
 
 
 class Refused(Exception):

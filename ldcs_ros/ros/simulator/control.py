@@ -7,7 +7,7 @@ from typing import Any
 from simulation_interfaces.msg import Result, SimulationState
 from simulation_interfaces.srv import ResetSimulation, SetSimulationState
 
-from ldcs_ros.ros.runner import Mode, NotNow
+from ldcs_ros.ros.sim.runner import Mode, NotNow
 from ldcs_ros.ros.simulator.answers import Refused
 from ldcs_ros.ros.simulator.host import Host
 

@@ -8,14 +8,14 @@ from typing import Any
 from geometry_msgs.msg import Vector3
 from simulation_interfaces.msg import EntityCategory, EntityState, Result
 
-from ldcs_ros.interface.cdr import nanoseconds
-from ldcs_ros.interface.entities import Entities, Entity, Instant, Kind
-from ldcs_ros.interface.entity_motion import Motions
-from ldcs_ros.interface.name_filter import NameFilter
-from ldcs_ros.interface.region import Box, Region, Sphere
-from ldcs_ros.ros.runner import NotActive, Runner
+from ldcs_ros.messages.cdr import nanoseconds
+from ldcs_ros.ros.sim.runner import NotActive, Runner
 from ldcs_ros.ros.simulator.answers import Refused
+from ldcs_ros.ros.simulator.entities import Entities, Entity, Instant, Kind
+from ldcs_ros.ros.simulator.entity_motion import Motions
 from ldcs_ros.ros.simulator.host import Host
+from ldcs_ros.ros.simulator.name_filter import NameFilter
+from ldcs_ros.ros.simulator.region import Box, Region, Sphere
 from ldcs_ros.ros.simulator.tags import TagChoice
 
 

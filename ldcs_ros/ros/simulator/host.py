@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Protocol
 
-from ldcs_ros.ros.runner import Runner
+from ldcs_ros.ros.sim.runner import Runner
 
 
 class Host(Protocol):

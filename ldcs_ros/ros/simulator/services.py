@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 
-from ldcs_ros.ros.scene_loader import SceneLoader
+from ldcs_ros.ros.sim.scene_loader import SceneLoader
 from ldcs_ros.ros.simulator.answers import offer
 from ldcs_ros.ros.simulator.control import Control
 from ldcs_ros.ros.simulator.entity_services import EntityServices

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
 
-from ldcs_ros.ros.runner import Mode, NotNow
+from ldcs_ros.ros.sim.runner import Mode, NotNow
 from ldcs_ros.ros.simulator.answers import Refused, offer, result_of
 from ldcs_ros.ros.simulator.host import Host
 

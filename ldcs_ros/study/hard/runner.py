@@ -14,7 +14,7 @@ import numpy as np
 from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.scene import load_scene
 from ldcs_ros.scene.scene import Scene, Solver
-from ldcs_ros.simulation import SAME_TIME, Simulation
+from ldcs_ros.simulation.simulation import SAME_TIME, Simulation
 from ldcs_ros.study.hard.audit import EnergyAudit
 from ldcs_ros.study.hard.case import PROMISE, Bounded, HardCase, Periodic, Reference, Refused, Rest, Still
 from ldcs_ros.study.hard.starts import STARTS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from ldcs_ros.scene.paths import put_value
+from ldcs_ros.schema.paths import put_value
 
 Content = dict[str, Any]
 

@@ -1,0 +1,188 @@
+"""One MCAP file being written: channels and messages in, chunks on disk, what it holds counted."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Attachment, ChunkIndex
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from ldcs_ros.bags.metadata import FileSummary, dump, topic_summary
+from ldcs_ros.bags.schemas import Schema
+from ldcs_ros.bags.topics import TopicInfo
+
+CHUNK_SIZE = 1 << 20
+"""Bytes of a chunk before compression; a chunk is also closed by time, see BagWriter."""
+COMPRESSION = CompressionType.ZSTD
+"""Measured on the paper scene with all topics and chunks of 0.5 s: 124 kB a second of simulation, against 175
+with lz4 and 313 without, for 0.24 % of a core at real time, against 0.22 and 0.19."""
+CUSTOM_DATA_RECORD = "ldcs_ros"
+"""Metadata record, first in the file, that holds custom_data: it is there even when the end is not."""
+SUMMARY_RECORD = "rosbag2"
+"""Metadata record, last in the file, that holds the content of metadata.yaml."""
+
+
+_RECORD_HEAD = 9
+
+
+class _PackedIndex:
+    """The index of a chunk as the bytes that the end of the file will hold: a tenth of the memory of its numbers."""
+
+    __slots__ = ("_content",)
+
+    def __init__(self, index: ChunkIndex) -> None:
+        builder = RecordBuilder()
+        index.write(builder)
+        self._content: bytes = builder.end()[_RECORD_HEAD:]  # type: ignore[no-untyped-call]
+
+    def write(self, builder: RecordBuilder) -> None:
+        builder.start_record(Opcode.CHUNK_INDEX)
+        builder.write(self._content)
+        builder.finish_record()  # type: ignore[no-untyped-call]
+
+
+class BagFile:
+    """A new MCAP file, locked while it is open; not for several threads at once.
+
+    Args:
+        path: The file; it must not exist.
+
+    Raises:
+        OSError: Any trouble of the file system, here and in every method.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._stream = open_new(path)
+        with suppress(OSError):  # file systems without locks: recording goes on without this protection
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=COMPRESSION)
+        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._channels: dict[int, tuple[str, str, str, dict[str, str]]] = {}
+        self._counts: dict[int, int] = {}
+        self._start = 2**64 - 1
+        self._end = 0
+        self._packed = 0
+        try:
+            self._writer.start(profile=Profile.ROS2, library="ldcs_ros")
+            self._stream.flush()
+        except OSError:
+            self.abandon()
+            raise
+
+    def add_topic(self, topic: str, info: TopicInfo, schema: Schema) -> int:
+        """A channel for CDR messages of a topic; returns its id."""
+        metadata = {"offered_qos_profiles": dump([info.qos.as_dict()]), "topic_type_hash": schema.type_hash}
+        return self.add_channel(
+            topic, MessageEncoding.CDR, (schema.type, SchemaEncoding.ROS2, schema.text.encode()), metadata
+        )
+
+    def add_channel(
+        self, topic: str, encoding: str, schema: tuple[str, str, bytes] | None, metadata: Mapping[str, str]
+    ) -> int:
+        """A channel from its parts; schema is (name, encoding, data) or None. Returns its id."""
+        schema_id = 0
+        if schema is not None:
+            if schema not in self._schemas:
+                self._schemas[schema] = self._writer.register_schema(*schema)
+            schema_id = self._schemas[schema]
+        channel = self._writer.register_channel(topic, encoding, schema_id, dict(metadata))
+        self._channels[channel] = (topic, schema[0] if schema else "", encoding, dict(metadata))
+        self._counts[channel] = 0
+        return channel
+
+    def add_message(
+        self,
+        channel: int,
+        cdr: bytes,
+        time: int,
+        *,
+        publish_time: int | None = None,
+        sequence: int | None = None,
+    ) -> None:
+        """A message at a log time [ns]; without a sequence number it is numbered in its channel from 1."""
+        count = self._counts[channel] = self._counts[channel] + 1
+        self._start = min(self._start, time)
+        self._end = max(self._end, time)
+        self._writer.add_message(
+            channel,
+            time,
+            cdr,
+            time if publish_time is None else publish_time,
+            count % 2**32 if sequence is None else sequence,
+        )
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """A metadata record of texts by name."""
+        self._writer.add_metadata(name, dict(content))
+
+    def add_attachment(self, attachment: Attachment) -> None:
+        """A file carried inside the bag."""
+        self._writer.add_attachment(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
+
+    def flush(self) -> None:
+        """Ends the chunk in progress and hands all to the operating system: a killed process keeps it."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._pack_indices()
+
+    def sync(self) -> None:
+        """Waits until what was flushed is on the disk: a power cut keeps it."""
+        os.fdatasync(self._stream.fileno())
+
+    @property
+    def count(self) -> int:
+        """Messages added."""
+        return sum(self._counts.values())
+
+    def summary(self, name: str | None = None) -> FileSummary:
+        """What the file holds so far, under its own name or the one that it will get."""
+        topics = tuple(
+            topic_summary(topic, message_type, encoding, metadata, self._counts[channel])
+            for channel, (topic, message_type, encoding, metadata) in self._channels.items()
+        )
+        return FileSummary(name or self.path.name, self._start if self.count else 0, self._end, topics)
+
+    def finish(self, information: Mapping[str, object]) -> None:
+        """Writes the summary and closes the file.
+
+        Args:
+            information: What metadata.yaml says; carried in the file too.
+        """
+        self.flush()  # the record must stand behind the last chunk, as readers of rosbag2 expect
+        self.add_metadata(SUMMARY_RECORD, {"serialized_metadata": dump(dict(information))})
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+
+    def _pack_indices(self) -> None:
+        # The writer keeps an object full of numbers for each chunk until the end: 20 MB an hour, for days. It has
+        # no word in that; should it keep them elsewhere one day, they stay as they are.
+        indices = getattr(self._writer, "_Writer__chunk_indices", [])
+        while self._packed < len(indices):
+            indices[self._packed] = _PackedIndex(indices[self._packed])
+            self._packed += 1
+
+    def abandon(self) -> None:
+        """Closes the file as it stands; after finish it does nothing."""
+        with suppress(OSError):
+            self._stream.close()
+
+
+def open_new(path: Path) -> IO[bytes]:
+    """A file for writing that did not exist before."""
+    return open(path, "xb")

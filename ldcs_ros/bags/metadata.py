@@ -1,0 +1,163 @@
+"""metadata.yaml, version 9: the card in a bag folder that rosbag2 reads before any message."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ldcs_ros.bags.schemas import ROS_DISTRO
+
+FILE_NAME = "metadata.yaml"
+ROOT_KEY = "rosbag2_bagfile_information"
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One channel of a written file.
+
+    Attributes:
+        topic: Topic name.
+        type: Message type.
+        encoding: Serialization format, `cdr`.
+        qos: Offered profiles, each a mapping of the nine fields.
+        type_hash: `RIHS01_...`, empty when unknown.
+        count: Messages in the file.
+    """
+
+    topic: str
+    type: str
+    encoding: str
+    qos: Sequence[Mapping[str, Any]]
+    type_hash: str
+    count: int
+
+
+def topic_summary(
+    topic: str, message_type: str, encoding: str, channel_metadata: Mapping[str, str], count: int
+) -> TopicSummary:
+    """A channel as its MCAP record describes it; profiles that are no YAML list are left out."""
+    try:
+        profiles = yaml.safe_load(channel_metadata.get("offered_qos_profiles") or "[]")
+    except yaml.YAMLError:
+        profiles = None
+    qos = [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
+    type_hash = channel_metadata.get("topic_type_hash", "")
+    return TopicSummary(topic, message_type, encoding, qos, type_hash, count)
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """One written file: name in the folder, first and last log time [ns] (0 when empty), its channels."""
+
+    name: str
+    start: int
+    end: int
+    topics: tuple[TopicSummary, ...]
+
+    @property
+    def count(self) -> int:
+        """Messages in the file."""
+        return sum(topic.count for topic in self.topics)
+
+
+def bag_information(
+    files: Sequence[FileSummary], custom_data: Mapping[str, str], *, ros_distro: str = ROS_DISTRO
+) -> dict[str, Any]:
+    """Everything that metadata.yaml says, without its root key; all fields are always there."""
+    filled = [file for file in files if file.count]
+    start = min((file.start for file in filled), default=0)
+    end = max((file.end for file in filled), default=0)
+    return {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(file.count for file in files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.topic,
+                    "type": topic.type,
+                    "serialization_format": topic.encoding,
+                    "offered_qos_profiles": [dict(profile) for profile in topic.qos],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.count,
+            }
+            for topic in _merged(files)
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {
+                "path": file.name,
+                "starting_time": {"nanoseconds_since_epoch": file.start},
+                "duration": {"nanoseconds": file.end - file.start},
+                "message_count": file.count,
+            }
+            for file in files
+        ],
+        "custom_data": dict(custom_data),
+        "ros_distro": ros_distro,
+    }
+
+
+def _merged(files: Sequence[FileSummary]) -> list[TopicSummary]:
+    """Channels over all files: one entry for each topic and type."""
+    merged: dict[tuple[str, str], TopicSummary] = {}
+    for topic in (topic for file in files for topic in file.topics):
+        key = topic.topic, topic.type
+        before = merged[key].count if key in merged else 0
+        merged[key] = TopicSummary(
+            topic.topic, topic.type, topic.encoding, topic.qos, topic.type_hash, before + topic.count
+        )
+    return list(merged.values())
+
+
+def dump(content: Any) -> str:
+    """YAML text: keys in the order given, texts of several lines as blocks that people can read."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True))
+
+
+def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
+    """Writes metadata.yaml whole or not at all: beside it, then renamed over it."""
+    part = folder / f".{FILE_NAME}.part"
+    try:
+        with open(part, "w", encoding="utf-8") as stream:
+            stream.write(dump({ROOT_KEY: dict(information)}))
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(part, folder / FILE_NAME)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+    sync_folder(folder)
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes the names in a folder durable, so that a rename survives a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
+    """Safe YAML without anchors, which other readers need not know."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_Dumper.add_representer(str, _represent_text)

@@ -1,0 +1,196 @@
+"""recover: makes a sound bag of what a killed recorder, a full disk or a power cut left."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import yaml
+from mcap.well_known import Profile
+
+from ldcs_ros.bags.contents import Contents, read_contents, write_copy
+from ldcs_ros.bags.metadata import (
+    FILE_NAME,
+    ROOT_KEY,
+    FileSummary,
+    bag_information,
+    sync_folder,
+    write_metadata,
+)
+from ldcs_ros.bags.reasons import reason
+from ldcs_ros.errors import RecordingError
+
+
+@dataclass(frozen=True)
+class RecoveryReport:
+    """What recover found and did.
+
+    Attributes:
+        path: The bag.
+        rewritten: Names of the files that were mended; empty when all were sound.
+        metadata_written: Whether metadata.yaml was missing or wrong and was written anew.
+        messages: Messages in the bag now.
+        duration: Log time from its first to its last message [s].
+        dropped: Bytes that could not be used [bytes].
+    """
+
+    path: Path
+    rewritten: tuple[str, ...]
+    metadata_written: bool
+    messages: int
+    duration: float
+    dropped: int
+
+    @property
+    def untouched(self) -> bool:
+        """The bag was sound and nothing was changed."""
+        return not self.rewritten and not self.metadata_written
+
+    def __str__(self) -> str:
+        content = f"{self.messages} messages over {self.duration:.3f} s"
+        if self.untouched:
+            return f"{self.path} is sound ({content}) and was left untouched"
+        if not self.rewritten:
+            return f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written"
+        return f"{self.path} was mended: {content} kept, {self.dropped} bytes dropped"
+
+
+def recover(
+    path: str | os.PathLike[str], *, progress: Callable[[float], None] | None = None
+) -> RecoveryReport:
+    """Mends an MCAP bag in place; a sound one is left untouched.
+
+    Every record that is whole is kept, also those of a chunk that was cut. The new file is written beside
+    the old one and takes its name only when it is complete and on the disk, so that an interruption or a full
+    disk leaves the old one as it was. custom_data gains the entry `recovered`.
+
+    Args:
+        path: Bag folder, or one .mcap file (then no metadata.yaml is written).
+        progress: Called with the share of the work that is done, 0 to 1.
+
+    Raises:
+        RecordingError: Nothing there, no MCAP bag, still being recorded, or no room for the new file.
+    """
+    bag = Path(path)
+    summaries: list[FileSummary] = []
+    rewritten: list[str] = []
+    dropped = 0
+    whole = Contents()
+    try:
+        card = _read_card(bag)
+        files = _mcap_files(bag)
+        share = _Share(progress, 2 * sum(file.stat().st_size for file in files))
+        for file in files:
+            with _locked(file) as stream:
+                size = os.fstat(stream.fileno()).st_size
+                contents = read_contents(stream, size, share.at)
+                share.done += size
+                if contents.profile is None:
+                    raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
+                if contents.profile != Profile.ROS2:
+                    raise RecordingError(
+                        f"{file} is no ROS 2 bag: its profile is {contents.profile!r}, expected 'ros2'; "
+                        "it was left untouched"
+                    )
+                contents.take_information(card)
+                if contents.sound:
+                    summaries.append(contents.summary(file.name))
+                else:
+                    contents.custom_data["recovered"] = (
+                        f"{contents.counts.total()} messages kept, {contents.dropped} of {size} bytes dropped"
+                    )
+                    summaries.append(_replace(file, stream, size, contents, share.at))
+                    rewritten.append(file.name)
+                    dropped += contents.dropped
+                share.done += size
+                whole.custom_data.update(contents.custom_data)
+                whole.ros_distro = whole.ros_distro or contents.ros_distro
+        information = bag_information(summaries, whole.custom_data, ros_distro=whole.ros_distro)
+        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(card, information))
+        if metadata_written:
+            write_metadata(bag, information)
+    except RecordingError:
+        raise
+    except OSError as error:
+        raise RecordingError(
+            f"{bag} cannot be mended: {reason(error)}; it is as it was. "
+            "Mending needs to write there, and room for a second copy"
+        ) from error
+    return RecoveryReport(
+        bag,
+        tuple(rewritten),
+        metadata_written,
+        information["message_count"],
+        information["duration"]["nanoseconds"] / 1e9,
+        dropped,
+    )
+
+
+@dataclass
+class _Share:
+    """Turns positions in files, each read up to twice, into the share of the work that is done."""
+
+    progress: Callable[[float], None] | None
+    total: int
+    done: int = 0
+
+    def at(self, position: int) -> None:
+        if self.progress is not None:
+            self.progress((self.done + position) / self.total)
+
+
+def _replace(
+    file: Path, stream: IO[bytes], size: int, contents: Contents, tell: Callable[[int], None]
+) -> FileSummary:
+    part = file.with_name(f".{file.name}.part")
+    part.unlink(missing_ok=True)
+    summary = write_copy(stream, size, contents, part, file.name, tell)
+    os.replace(part, file)
+    sync_folder(file.parent)
+    return summary
+
+
+def _mcap_files(bag: Path) -> list[Path]:
+    """The files of a bag, in the order in which they were recorded (..._9.mcap before ..._10.mcap)."""
+    if not bag.exists():
+        raise RecordingError(f"no bag at {bag}; give a bag folder or a .mcap file")
+    files = [bag] if bag.is_file() else [file for file in bag.iterdir() if not file.name.startswith(".")]
+    found = [file for file in files if file.suffix == ".mcap"]
+    if not found:
+        hint = "; use `ros2 bag reindex` for sqlite3" if any(file.suffix == ".db3" for file in files) else ""
+        raise RecordingError(f"{bag} has no .mcap file to mend{hint}")
+    return sorted(found, key=lambda file: [int(part) for part in re.findall(r"\d+", file.name)])
+
+
+@contextmanager
+def _locked(file: Path) -> Iterator[IO[bytes]]:
+    """The file for reading, unless its recorder is still at work."""
+    with open(file, "rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RecordingError(f"{file} is being recorded at this moment; end that run first") from error
+        except OSError:
+            pass  # a file system without locks
+        yield stream
+
+
+def _read_card(bag: Path) -> dict[str, Any]:
+    """What metadata.yaml says now; empty when it is missing or unreadable."""
+    try:
+        content = yaml.safe_load((bag / FILE_NAME).read_text(encoding="utf-8"))
+        information = content[ROOT_KEY]
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+        return {}
+    return information if isinstance(information, dict) else {}
+
+
+def _agrees(card: dict[str, Any], information: dict[str, Any]) -> bool:
+    """Whether metadata.yaml names these files and as many messages; the rest may be a foreign way."""
+    return all(card.get(key) == information[key] for key in ("relative_file_paths", "message_count"))

@@ -1,0 +1,303 @@
+"""The engine of the ESDIRK methods: stages by quasi-Newton iterations with kept factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ldcs_ros.integrators.base import Integrator, Step, StepFailure
+from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
+from ldcs_ros.integrators.implicit.predictor import Point, Trail
+from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
+from ldcs_ros.integrators.tableaux import Tableau
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.model import Motion
+
+# An iteration stops when what is left of it is this share of the step's tolerance: its error then hides in
+# the error estimate's own uncertainty.
+ITERATION_SHARE = 0.02
+# An iteration may grow once, while the rank-one updates learn; beyond this it is given up.
+WILD_RATE = 4.0
+# Above this contraction rate new factors cost less than the iterations that they save (measured on `arc`).
+SLOW_RATE = 0.25
+# Kept factors are used while the step is within this ratio of the one that they were made for.
+STEP_RATIO = 1.35
+# What an iteration leaves over must not lift a resting sheet off its contact: this share of the onset's width.
+ONSET_SHARE = 1e-3
+# Factorings that a step may take: of its middle, and of a stage that does not converge with those.
+MOST_FACTORISATIONS = 2
+# An iteration that moves a node by more than this share of the spacing has turned the lattice noticeably.
+TURNING_MOVE = 1e-3
+# Iterations of Newton's method where kept factors have failed.
+MOST_NEWTON = 15
+# How long a free sheet goes on with a wrong momentum [s].
+COASTING = 1.0
+# Contraction rate to expect of fresh factors, until one is measured.
+FRESH_RATE = 0.1
+# Until an iteration has measured it with these factors, no rate below this is relied on: a good first guess must not
+# end it too soon. A rate measured in an earlier stage may have grown by this factor.
+UNKNOWN_RATE = 0.4
+RATE_SAFETY = 3.0
+# Where in the step Newton's matrix is taken: half as far from its ends as its start is.
+MIDDLE = 0.5
+# An error h du in a rate counts as this share of it in a position: an oscillation's position error alone passes
+# through zero twice a period.
+RATE_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a stage's equation is made of.
+
+    Attributes:
+        time: Its time [s].
+        rate_step: h g [s].
+        q_known: q* of the free coordinates.
+        u_known: u* of the free coordinates.
+        allowed: Displacement that may be left of the iteration [m].
+    """
+
+    time: float
+    rate_step: float
+    q_known: np.ndarray
+    u_known: np.ndarray
+    allowed: float
+
+
+class Dirk(Integrator):
+    """q'' = M^-1 f as a first-order system in (q, q'), solved for the stage accelerations A_i.
+
+    With h the step, g the tableau's diagonal and q*, u* what the stages before give,
+
+        u_i = u* + h g A_i,     q_i = q* + h g u_i,     M(q_i) A_i - f(t_i, q_i, u_i) = 0.
+
+    Newton's matrix is W = M - h g df/du - (h g)^2 df/dq. It is factored in the middle of a step, kept until the
+    contraction rate or the step size says otherwise (Hairer and Wanner, Solving ODEs II, section IV.8), and turned
+    with the sheet (`LinearSystem.turn`); Broyden's updates make up for what else has changed since. The last stage is
+    the solution (stiffly accurate), its A the new acceleration. The error estimate is h sum d_i (u_i, A_i), the
+    difference from the embedded solution.
+    """
+
+    tableau: ClassVar[Tableau]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._system = LinearSystem(self.model)
+        self._factors: Factors | None = None
+        self._rate, self._measured = FRESH_RATE, False
+        self._trails: tuple[Trail, ...] = ()
+        self._updates = BroydenUpdates(self._reach)
+        # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
+        self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
+        self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
+        self._onset = min(term.onset for term in self.model.terms)
+
+    @property
+    def memory(self) -> Any:
+        return self._factors, self._rate, self._measured, self._trails, self._updates.memory
+
+    def recall(self, memory: Any) -> None:
+        self._factors, self._rate, self._measured, self._trails, updates = memory
+        self._updates.recall(updates)
+
+    def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
+        # W^-1 M: stiff parts (light links against stiff couplings) have their acceleration for microseconds only;
+        # a curve that began with it would carry it through all of the step.
+        kept = self._factors
+        return jump if kept is None else kept.solve(self.model.momentum(motion.q, jump))
+
+    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+        try:
+            return self._stages(motion, inputs, h, tolerance, exactly=False)
+        except StepFailure:
+            self._factors = None
+            if self._onset == np.inf:
+                raise
+        return self._stages(motion, inputs, h, tolerance, exactly=True)
+
+    def _trail_to(self, motion: Motion) -> Trail:
+        """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
+        for trail in self._trails:
+            if trail.points[-1][1] is motion.a:
+                return trail
+        if not self._trails:
+            return Trail(motion.time, ((motion.time, motion.a),))
+        return self._trails[-1].jumped(motion.time, motion.a)
+
+    def _present(self, motion: Motion, inputs: HeldInputs, h: float) -> tuple[Factors, bool]:
+        """Return kept factors, or new ones of the middle of the step, and whether they are new."""
+        kept, rate_step = self._factors, self.tableau.diagonal * h
+        if kept is not None and self._rate <= SLOW_RATE:
+            if 1 / STEP_RATIO <= rate_step / kept.rate_step <= STEP_RATIO:
+                return kept, False
+        free, ahead = self.model.free, MIDDLE * h
+        q, u = motion.q.copy(), motion.u.copy()
+        q[free] += ahead * (motion.u[free] + 0.5 * ahead * motion.a)
+        u[free] += ahead * motion.a
+        self.model.prescribe(motion.time + ahead, q, u)
+        return self._renew(motion.time + ahead, q, u, inputs, rate_step), True
+
+    def _renew(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float
+    ) -> Factors:
+        self.counters.factorisations += 1
+        try:
+            factors = self._system.factor(time, q, u, inputs, rate_step, turning=True)
+        except np.linalg.LinAlgError as error:
+            raise StepFailure(str(error)) from error
+        self._factors, self._rate, self._measured = factors, FRESH_RATE, False
+        self._updates.clear()
+        return factors
+
+    def _stages(
+        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, *, exactly: bool
+    ) -> Step:
+        tableau, free = self.tableau, self.model.free
+        n_stages, rate_step = len(tableau.c), tableau.diagonal * h
+        rates, accelerations = np.empty((n_stages, len(free))), np.empty((n_stages, len(free)))
+        q0, rates[0], accelerations[0] = motion.q[free], motion.u[free], motion.a
+        trail = self._trail_to(motion)
+        points: list[Point] = []
+        q, u = motion.q.copy(), motion.u.copy()
+        worst, measured, rate = 0.0, False, None
+        factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
+        renewals = MOST_FACTORISATIONS - fresh
+        for i in range(1, n_stages):
+            time = motion.time + tableau.c[i] * h
+            stage = Stage(
+                time,
+                rate_step,
+                q0 + h * (tableau.a[i, :i] @ rates[:i]),
+                rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
+                min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._onset),
+            )
+            guess = trail.guess(points, time)
+            self.model.prescribe(time, q, u)
+            while True:
+                place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
+                if factors is None:
+                    a, rate = self._solve_exactly(stage, guess, q, u, inputs)
+                    break
+                try:
+                    a, rate, factors = self._solve(stage, guess, q, u, inputs, factors)
+                    break
+                except StepFailure:
+                    if not renewals:
+                        raise
+                renewals -= 1
+                place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
+                factors = self._renew(time, q, u, inputs, rate_step)
+            if rate is not None:
+                worst = max(worst, rate)
+                measured = True
+            rates[i], accelerations[i] = u[free], a
+            points.append((time, a))
+        self._factors, self._trails = factors, (trail, trail.extended(points))
+        if measured:
+            self._rate, self._measured = worst, True
+        defect = h * (tableau.error_weights @ rates)
+        rate_defect = h * (tableau.error_weights @ accelerations)
+        self.counters.steps += 1
+        right = Motion(motion.time + h, q, u, a)
+        error = self._size(h, defect, rate_defect)
+        if error > tolerance and factors is not None:
+            filtered = self._filtered(right, inputs, defect, rate_defect, factors)
+            error = min(error, self.largest_displacement(filtered))
+        return Step(motion, right, error, self._coasting(rate_defect))
+
+    def _coasting(self, rate_defect: np.ndarray) -> float:
+        """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.
+
+        Dampers between nodes forget all errors but that one: after an impact nothing takes it away again.
+        """
+        if not self._loose:
+            return 0.0
+        n = self.model.n_free_nodes
+        momentum = (self.model.mass * rate_defect[:n]).reshape(-1, 3).sum(axis=0)
+        return COASTING * float(np.max(np.abs(momentum))) / float(self.model.mass[::3].sum())
+
+    def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
+        return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
+
+    def _filtered(
+        self, right: Motion, inputs: HeldInputs, defect: np.ndarray, rate_defect: np.ndarray, factors: Factors
+    ) -> np.ndarray:
+        """Return the positions of (1 - h g J)^-1 of an error estimate: without what damping takes away at once.
+
+        After a jump the explicit first stage has put stiff parts into the estimate that the solution does not
+        have (Shampine's filter; Hairer and Wanner, section IV.8). With C from a difference of forces,
+        W x_q = (M - h g C) e_q + h g M e_u.
+        """
+        model, step = self.model, factors.rate_step
+        scale = 1.0 / max(float(np.max(np.abs(defect))), 1e-300)
+        pushed = right.u.copy()
+        pushed[model.free] += scale * defect
+        damping = model.force(right.time, right.q, pushed, inputs) - model.momentum(right.q, right.a)
+        known = model.momentum(right.q, defect + step * rate_defect) - step / scale * damping
+        self.counters.evaluations += 1
+        self.counters.solves += 1
+        return factors.solve(known)
+
+    def _solve(
+        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
+    ) -> tuple[np.ndarray, float | None, Factors]:
+        """Iterate from a guess that is placed in q and u; return acceleration, worst rate if one was seen, factors."""
+        free, model = self.model.free, self.model
+        # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
+        mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
+        known = max(RATE_SAFETY * self._rate, FRESH_RATE) if self._measured else UNKNOWN_RATE
+        before, rate = np.inf, min(max(known, mismatch), 0.9)
+        worst, change, moved = 0.0, None, np.inf
+        for iteration in range(self.patience):
+            if moved > self._turning_move:
+                factors = self._system.turn(factors, stage.time, q, u, inputs, stage.rate_step)
+            residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
+            change = self._updates.step(factors.solve(residual), change)
+            self.counters.evaluations += 1
+            self.counters.solves += 1
+            moved = stage.rate_step**2 * largest(change, self._reach)
+            if not moved < np.inf:
+                raise StepFailure(
+                    f"the iteration of a stage at t = {stage.time:.9g} s left the finite numbers"
+                )
+            a = a + change
+            place(free, stage.q_known, stage.u_known, a, stage.rate_step, q, u)
+            if iteration > 0:
+                rate = moved / before if before > 0.0 else 0.0
+                worst = max(worst, rate)
+                if rate > WILD_RATE or (iteration > 4 and rate > 0.95):
+                    break
+            if moved == 0.0 or (rate < 1.0 and moved * rate / (1.0 - rate) <= stage.allowed):
+                return a, worst if iteration > 0 else None, factors
+            before = moved
+        raise StepFailure(
+            f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"
+        )
+
+    def _solve_exactly(
+        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
+    ) -> tuple[np.ndarray, float]:
+        """Iterate by Newton's method with a new matrix each time, as `_solve`; for forces whose slope jumps."""
+        free, model = self.model.free, self.model
+        moved = np.inf
+        for _ in range(MOST_NEWTON):
+            residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
+            try:
+                where = stage.time, q, u, inputs, stage.rate_step
+                factors = self._system.turn(self._system.factor(*where, turning=True), *where)
+            except np.linalg.LinAlgError as error:
+                raise StepFailure(str(error)) from error
+            change = factors.solve(residual)
+            self.counters.evaluations += 1
+            self.counters.factorisations += 1
+            self.counters.solves += 1
+            before, moved = moved, stage.rate_step**2 * largest(change, self._reach)
+            if not moved < np.inf:
+                break
+            a = a + change
+            place(free, stage.q_known, stage.u_known, a, stage.rate_step, q, u)
+            if moved <= stage.allowed and moved < before:
+                return a, FRESH_RATE
+        raise StepFailure(f"Newton's iteration of a stage at t = {stage.time:.9g} s does not converge")

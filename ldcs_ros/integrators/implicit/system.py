@@ -1,0 +1,300 @@
+"""The symmetric linear systems of implicit steps: Cholesky factors for the lattice, bordered by the arms' angles."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ldcs_ros.integrators.implicit.banded import Band
+from ldcs_ros.integrators.implicit.nested_dissection import Dissection
+from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in
+from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
+from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.model import Model
+
+# Number of free node coordinates from which the sheet is dissected: 33 x 33 nodes and more.
+DISSECTED_SIZE = 4000
+# A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
+TURN = 0.02
+
+
+@compiled
+def _scatter_loop(values, picked, share, slot, target):  # type: ignore[no-untyped-def]
+    for k in range(picked.size):
+        target[slot[k]] += values[picked[k]] * share[k]
+
+
+def _scatter_whole(values, picked, share, slot, target):  # type: ignore[no-untyped-def]
+    target += np.bincount(slot, values[picked] * share, minlength=len(target)).astype(target.dtype)
+
+
+scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
+
+
+@dataclass(frozen=True)
+class Bordered:
+    """A symmetric matrix over the free coordinates: sparse for nodes, dense for arm angles.
+
+    Attributes:
+        nodes: Values of the nodes' part at the storage's slots, shape (storage.size,).
+        border: Nodes' coordinates by angles, shape (n_nodes, n_angles).
+        corner: Angles by angles, shape (n_angles, n_angles).
+    """
+
+    nodes: np.ndarray
+    border: np.ndarray
+    corner: np.ndarray
+
+
+class Factors:
+    """A factored matrix W = M - h C - h^2 K, with C = d(force)/du and K = d(force)/dq; `solve` applies W^-1.
+
+    What is kept is G^T W H, where the rotations G and H of the lattice's columns are the identity until `turned`.
+
+    Attributes:
+        rate_step: The h of the factored matrix [s].
+        angles: Link angles at which border and corner were taken [rad], shape (n_angles,).
+        frames: How the lattice's columns stood when it was factored, shape (n_columns, 3, 3).
+    """
+
+    def __init__(
+        self,
+        storage: Band | Dissection,
+        matrix: Bordered,
+        rate_step: float,
+        angles: np.ndarray,
+        frames: np.ndarray,
+    ) -> None:
+        self.rate_step, self.frames = rate_step, frames
+        self._turns: tuple[np.ndarray, np.ndarray] | None = None
+        self._scale = 1.0
+        self._order, self._n = storage.order, len(storage.order)
+        self._nodes = storage.factor(matrix.nodes)
+        self._set_border(matrix.border, matrix.corner, angles)
+
+    def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
+        self._border, self.angles = border, angles
+        if corner.size:
+            self._reach = self._nodes.solve(border)
+            self._corner = np.linalg.inv(corner - border.T @ self._reach)
+
+    def bordered(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
+        """Return factors with another border and corner."""
+        other = copy(self)
+        other._set_border(border, corner, angles)
+        return other
+
+    def turned(self, turns: tuple[np.ndarray, np.ndarray] | None, scale: float) -> Factors:
+        """Return factors with other rotations G and H, shape (n_columns, 3, 3) each, and a factor on the solution."""
+        other = copy(self)
+        other._turns, other._scale = turns, scale
+        return other
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Return W^-1 right for free coordinates, shape (n_free,)."""
+        result = np.empty_like(right)
+        nodes = right[self._order]
+        if self._turns is not None:
+            nodes = turned_vectors(self._turns[0], nodes, back=True)
+        nodes = self._nodes.solve(nodes)
+        if len(right) > self._n:
+            angles = self._corner @ (right[self._n :] - nodes @ self._border)
+            nodes -= self._reach @ angles
+            result[self._n :] = angles
+        if self._turns is not None:
+            nodes = turned_vectors(self._turns[1], nodes, back=False)
+        result[self._order] = nodes
+        if self._scale != 1.0:
+            result *= self._scale
+        return result
+
+
+class LinearSystem:
+    """Where each Jacobian entry of a model goes in storage, border and corner; made once for a model.
+
+    The matrix is made symmetric: an entry and its mirror share the mean.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        n = model.n_free_nodes
+        rows, columns = model.entries
+        used = (rows >= 0) & (columns >= 0)  # -1 is a prescribed coordinate
+        inner = used & (np.maximum(rows, columns) < n)
+        share = np.where(rows == columns, 1.0, 0.5)
+        self._inner, self._inner_share = np.flatnonzero(inner), share[inner]
+        storage = Dissection if n >= DISSECTED_SIZE and HAVE_NUMBA else Band
+        self._storage = storage(model, rows[inner], columns[inner])
+        self._order = self._storage.order
+        self._columns = self._whole_columns(model)
+        n_angles = model.n_free_angles
+        # Angles follow the nodes in every order; what is not used may point anywhere.
+        place = place_in(np.append(self._order, np.arange(n, n + n_angles)))
+        rows, columns = np.where(used, rows, 0), np.where(used, columns, 0)
+        row, column = below_diagonal(place, rows, columns)
+        rows, columns = place[rows], place[columns]
+        edge = used & (row >= n) & (column < n)
+        self._edge, self._edge_share = np.flatnonzero(edge), share[edge]
+        self._edge_slot = ((row - n) + column * n_angles)[edge]
+        corner = used & (column >= n)
+        self._corner = np.flatnonzero(corner)
+        self._corner_slot = ((rows - n) * n_angles + columns - n)[corner]
+        # Only the arms have entries in border and corner; theirs start here among all entries.
+        before = [term for term in model.terms[: model.terms.index(model.arms)]] if model.arms else []
+        self._arms_start = sum(len(term.entries()[0]) for term in before)
+
+    def _whole_columns(self, model: Model) -> np.ndarray | None:
+        # The column of each free node in the storage's order; None where forces do not turn with the sheet, or a
+        # node is free in some directions only.
+        if not model.turns:
+            return None
+        node, axis = np.divmod(model.free[: model.n_free_nodes][self._order], 3)
+        if len(node) % 3 or not np.array_equal(
+            axis.reshape(-1, 3), np.broadcast_to([0, 1, 2], (len(node) // 3, 3))
+        ):
+            return None
+        return node[::3] % (model.lattice.nodes[0] * model.lattice.nodes[1])
+
+    def factor(
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
+        *,
+        turning: bool = False,
+    ) -> Factors:
+        """Return the factored W at a motion; of its exact Jacobian if that is definite, else of the stable part.
+
+        Args:
+            time: Simulation time [s].
+            q: Coordinates [m, rad].
+            u: Their rates.
+            inputs: What is commanded.
+            rate_step: The h of W [s].
+            turning: The factors go through `turn` before they are used.
+
+        Raises:
+            numpy.linalg.LinAlgError: Even the stable part is not positive definite or not finite.
+        """
+        turning = turning and self._columns is not None
+        try:
+            return self._assemble(time, q, u, inputs, rate_step, definite=False, turning=turning)
+        except np.linalg.LinAlgError:
+            return self._assemble(time, q, u, inputs, rate_step, definite=True, turning=turning)
+
+    def _assemble(
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
+        *,
+        definite: bool,
+        turning: bool,
+    ) -> Factors:
+        by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite, turning=turning)
+        if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
+            raise np.linalg.LinAlgError("the Jacobian is not finite")
+        change = self._placed(-rate_step * (by_rate + rate_step * by_position))
+        change.nodes[self._storage.diagonal] += self.model.mass[self._order]
+        matrix = replace(change, corner=change.corner + self._inertia(q))
+        return Factors(self._storage, matrix, rate_step, self._angles(q), self._frames(q))
+
+    def turn(
+        self,
+        factors: Factors,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        rate_step: float,
+    ) -> Factors:
+        """Return kept factors turned to another motion: nearly new ones for the price of a few solves.
+
+        A bent sheet is stiff along itself, so its matrix turns with it: G W0 G^T with a rotation G for each
+        column of nodes (stiffness warping, Mueller and others 2002). Its dampers ask for more. With q = q* + h u, the
+        force k dL n + c (n . v) n of a spring along n gives W the part h (c + h k) n (n + s dn/dt)^T where
+        s = h c / (c + h k): the force acts along the spring as it stands, but is changed by motion along the spring
+        as it will stand s later. So W = G W0 H^T is not symmetric, H being the frames of q + s u, while W0, taken of
+        a sheet at rest, is. With G on both sides an iteration against stiff springs and soft bending converges for
+        tiny turns only. The arms hold the sheet and turn with it, so their couplings are part of W0.
+
+        Args:
+            factors: From `factor` with `turning`.
+            time: Simulation time [s].
+            q: Coordinates [m, rad] to turn to.
+            u: Their rates.
+            inputs: What is commanded.
+            rate_step: The h of the stage that they will serve [s].
+        """
+        h, tau = factors.rate_step, self.model.relaxation_time
+        # W is M + h (tau + h) S, nearly. For another h its stiff directions are r times as stiff and its heavy ones as
+        # heavy as before: the mean of both converges in either.
+        scale = 2.0 / (1.0 + rate_step * (tau + rate_step) / (h * (tau + h))) if tau < np.inf else 1.0
+        turns = None
+        if self._columns is not None:
+            ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
+            left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
+            fill_turns(self._frames(q), factors.frames, self._columns, left)
+            fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
+            turns = left, right
+        if np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN:
+            factors = self._bordered(factors, time, q, u, inputs, turns)
+        return factors.turned(turns, scale)
+
+    def _bordered(
+        self,
+        factors: Factors,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldInputs,
+        turns: tuple[np.ndarray, np.ndarray] | None,
+    ) -> Factors:
+        """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""
+        arms, h = self.model.arms, factors.rate_step
+        jacobian = arms.turning_jacobian if turns is not None else arms.jacobian  # type: ignore[union-attr]
+        by_position, by_rate = jacobian(time, q, u, inputs, False)
+        border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
+        if turns is not None:
+            border = np.stack([turned_vectors(turns[0], column, back=True) for column in border.T], axis=1)
+        return factors.bordered(border, corner + self._inertia(q), self._angles(q))
+
+    def _placed(self, values: np.ndarray) -> Bordered:
+        nodes = np.zeros(self._storage.size, dtype=self._storage.dtype)
+        scatter(values, self._inner, self._inner_share, self._storage.slots, nodes)
+        return Bordered(nodes, *self._bordering(values, 0))
+
+    def _bordering(self, values: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
+        n, n_angles = self.model.n_free_nodes, self.model.n_free_angles
+        edge = values[self._edge - start] * self._edge_share
+        border = np.bincount(self._edge_slot, edge, minlength=n * n_angles)
+        corner = np.bincount(self._corner_slot, values[self._corner - start], minlength=n_angles**2)
+        corner = corner.reshape(n_angles, n_angles)
+        return border.reshape(n, n_angles), 0.5 * (corner + corner.T)
+
+    def _frames(self, q: np.ndarray) -> np.ndarray:
+        nx, ny = self.model.lattice.nodes
+        frames = np.empty((nx * ny, 3, 3))
+        if self._columns is not None:
+            fill_column_frames(q[: 6 * nx * ny].reshape(-1, 3), nx, ny, frames)
+        return frames
+
+    def _angles(self, q: np.ndarray) -> np.ndarray:
+        return q[len(q) - self.model.n_free_angles :].copy()
+
+    def _inertia(self, q: np.ndarray) -> np.ndarray:
+        n_angles = self.model.n_free_angles
+        corner = np.zeros((n_angles, n_angles))
+        blocks = self.model.inertia(q)
+        if blocks is not None:
+            m = blocks.shape[1]
+            for side, block in enumerate(blocks):
+                corner[side * m : (side + 1) * m, side * m : (side + 1) * m] = block
+        return corner

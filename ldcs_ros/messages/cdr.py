@@ -1,0 +1,85 @@
+"""ROS messages as bytes (CDR, little endian) by the rosbags type store: no ROS installation needed."""
+
+from __future__ import annotations
+
+import struct
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.bags.schemas import Schemas
+
+# The stamp of a message that begins with a header lies right behind the four bytes that name the encoding.
+_STAMP = struct.Struct("<iI")
+_STAMP_OFFSET = 4
+_SENTINEL = 0xA5
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Any:
+    """The definitions of ROS 2 Kilted (those used here are the same in Humble to Rolling), and our own messages."""
+    return Schemas().typestore
+
+
+def message_class(message_type: str) -> Any:
+    """Return the dataclass of a type such as 'std_msgs/msg/Header'."""
+    return typestore().types[message_type]
+
+
+def encode(message: Any) -> bytes:
+    """Return the CDR bytes of a message object."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+
+
+def decode(message_type: str, cdr: bytes) -> Any:
+    """Return the message object of CDR bytes; raises whatever the bytes provoke."""
+    return typestore().deserialize_cdr(cdr, message_type)
+
+
+def nanoseconds(time: float) -> int:
+    """Return a time [s] in nanoseconds, rounded to the nearest."""
+    return round(time * 1e9)
+
+
+def time_message(time_ns: int) -> Any:
+    """Return builtin_interfaces/Time."""
+    sec, nanosec = divmod(time_ns, 1_000_000_000)
+    return message_class("builtin_interfaces/msg/Time")(sec=sec, nanosec=nanosec)
+
+
+def header(time_ns: int, frame: str) -> Any:
+    """Return std_msgs/Header."""
+    return message_class("std_msgs/msg/Header")(stamp=time_message(time_ns), frame_id=frame)
+
+
+def sentinel(size: int) -> np.ndarray:
+    """Return the bytes that mark the block which a `PatchedMessage` fills, shape (size,)."""
+    return np.full(size, _SENTINEL, dtype=np.uint8)
+
+
+class PatchedMessage:
+    """A large message of constant layout: encoded once, then only its stamp and some blocks are written.
+
+    Args:
+        message: Message object that begins with a header and holds `sentinel(size)` in place of each block.
+        sizes: Length of each block in the order of the message [bytes].
+    """
+
+    def __init__(self, message: Any, *sizes: int) -> None:
+        self._bytes = bytearray(encode(message))
+        self._blocks: list[slice] = []
+        end = 0
+        for size in sizes:
+            start = self._bytes.find(sentinel(size).tobytes(), end)
+            if start < 0:
+                raise ValueError(f"{message.__msgtype__} does not hold a block of {size} bytes")
+            end = start + size
+            self._blocks.append(slice(start, end))
+
+    def fill(self, time_ns: int, *blocks: np.ndarray) -> bytes:
+        """Return the message with this stamp and these blocks (contiguous, of the right sizes)."""
+        _STAMP.pack_into(self._bytes, _STAMP_OFFSET, *divmod(time_ns, 1_000_000_000))
+        for place, block in zip(self._blocks, blocks, strict=True):
+            self._bytes[place] = block.view(np.uint8).reshape(-1).data
+        return bytes(self._bytes)

@@ -1,0 +1,1 @@
+"""Messages for displays: markers of surface, loads, arms and traces."""

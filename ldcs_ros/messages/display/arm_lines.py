@@ -1,0 +1,86 @@
+"""The arms for viewers: the links of a chain with its joints, or the arc that an edge is driven onto."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.messages.display import colours
+from ldcs_ros.messages.display.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, Figure
+from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
+from ldcs_ros.physics.effects.base import Assembly
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.points import Point
+
+_WIDTH = 1.3  # of a link, in thicknesses of the sheet: an arm shows above and below it
+_EDGE = 0.6  # of a driven edge, likewise
+_JOINT = 1.6  # diameter of a joint, likewise
+
+
+class ArmLines:
+    """What is drawn of the arms: the links of each arm as cylinders with a ball at each joint; edges as lines.
+
+    Args:
+        lattice: The lattice.
+        points: The scene's named points.
+        effects: The scene's effects; arms and driven edges are drawn.
+    """
+
+    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Iterable[Any]) -> None:
+        self._lattice = lattice
+        self._thickness = float(lattice.size[2])
+        self._term: ArmsTerm | None = None
+        self._edges: list[tuple[str, np.ndarray]] = []
+        for effect in effects:
+            if effect.name == "arms":
+                term = effect.bind(Assembly(lattice, points, lattice.node_mass))
+                self._term = term
+                arm_of, rows = term.couplings[0], term.couplings[3]
+                self._across = [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in (0, 1)]
+            elif effect.name == "driven_edges":
+                self._edges = [(edge, _middle(lattice, edge)) for edge in effect.edges]
+
+    def lines(self, position: np.ndarray, link_angle: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the points of each line [m], shape (n, 3), by name: base, ends of the links; or along the edge.
+
+        Args:
+            position: Node positions [m], shape (n_nodes, 3).
+            link_angle: Angles of the links to the x axis [rad], shape (n_arms, n_links).
+        """
+        drawn = {edge: position[nodes].mean(axis=0) for edge, nodes in self._edges}
+        if self._term is not None and np.size(link_angle):
+            stations = self._term.station_positions(np.concatenate([position.ravel(), np.ravel(link_angle)]))
+            for name, across, plane in zip(ARM_NAMES, self._across, stations, strict=True):
+                drawn[name] = np.insert(plane, 1, across, axis=1)
+        return drawn
+
+    def figures(self, position: np.ndarray, link_angle: np.ndarray) -> list[Figure]:
+        """Return what is drawn for what `lines` takes."""
+        width = _WIDTH * self._thickness
+        drawn = []
+        for name, points in self.lines(position, link_angle).items():
+            if name in ARM_NAMES:
+                pairs = zip(points[:-1], points[1:], strict=True)
+                drawn += [_link(f"{name}/link_{k + 1}", *ends, width) for k, ends in enumerate(pairs)]
+                scale = (_JOINT * self._thickness,) * 3
+                drawn.append(Figure(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1]))
+            else:
+                thin = (_EDGE * self._thickness, 0.0, 0.0)
+                drawn.append(Figure(name, LINE_STRIP, thin, colours.ARM, points=points))
+        return drawn
+
+
+def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> Figure:
+    """Return a cylinder from one point to another [m] in a plane of constant y."""
+    x, _, z = end - start
+    half = 0.5 * np.arctan2(x, z)  # of the turn about y that takes z to the link
+    scale = (width, width, float(np.hypot(x, z)))
+    turn = (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
+    return Figure(name, CYLINDER, scale, colours.ARM, position=0.5 * (start + end), orientation=turn)
+
+
+def _middle(lattice: Lattice, edge: str) -> np.ndarray:
+    """Return the nodes of both layers along a side edge, shape (2, nx)."""
+    return lattice.index[:, :, 0 if edge == "y_min" else -1]

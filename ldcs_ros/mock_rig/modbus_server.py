@@ -1,0 +1,162 @@
+"""The stand-in rig as a Modbus TCP valve island on the loopback interface."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import threading
+from typing import Any
+
+from ldcs_ros.errors import LinkError
+from ldcs_ros.mock_rig.rig import MockRig
+from ldcs_ros.rig.units import PressureUnit
+
+_READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_MANY = 3, 4, 6, 16
+_BROKEN_SENSOR = 0x7FFF
+_MBAR = PressureUnit("mbar")
+_UNANSWERED = 3600.0
+ACTUAL, CLOCK, HEARTBEAT = 0, 2, 2
+"""Registers: set-points in holding 0 and 1, heartbeat in holding 2; actual in input 0 and 1, clock in 2 and 3."""
+
+
+class ModbusServer:
+    """Serves a rig's registers; its faults act as they would on the wire.
+
+    Args:
+        rig: The rig.
+        port: TCP port; 0 for any free one.
+
+    Attributes:
+        port: The port it listens on, known after `start`.
+        beats: Last heartbeat written by a client.
+    """
+
+    def __init__(self, rig: MockRig, port: int = 0) -> None:
+        self._rig = rig
+        self.port = port
+        self.beats = 0
+        self._loop = asyncio.new_event_loop()
+        self._server: Any = None
+        self._stopping = False
+        self._ready = threading.Event()
+        self._problem: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="modbus server", daemon=True)
+
+    def start(self) -> None:
+        """Start serving; raises LinkError when the port cannot be had."""
+        logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
+        self._thread.start()
+        self._ready.wait(5.0)
+        if self._problem is not None:
+            raise LinkError(
+                f"cannot serve Modbus TCP on port {self.port}: {self._problem}"
+            ) from self._problem
+
+    def stop(self) -> None:
+        """Stop serving."""
+        self._stopping = True
+        self._thread.join(3.0)
+
+    def work(self) -> None:
+        """Nothing to do between requests: the server has a thread of its own."""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the link of a rig file that connects to it."""
+        link: dict[str, Any] = {"type": "modbus", "host": "127.0.0.1", "port": self.port, "rate": 50.0}
+        return {
+            **link,
+            "unit": "mbar",
+            "setpoint": 0,
+            "actual": ACTUAL,
+            "clock": CLOCK,
+            "heartbeat": HEARTBEAT,
+        }
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        except Exception as error:  # whatever it is, `start` tells it
+            self._problem = error
+        finally:
+            self._ready.set()
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        await self._listen()
+        self._ready.set()
+        while not self._stopping:
+            if self._rig.faults.drop and self._server is not None:
+                await self._server.shutdown()
+                self._server = None
+            elif not self._rig.faults.drop and self._server is None:
+                await self._listen()
+            await asyncio.sleep(0.02)
+        if self._server is not None:
+            await self._server.shutdown()
+        waiting = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in waiting:
+            task.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+
+    async def _listen(self) -> None:
+        from pymodbus.server import ModbusTcpServer
+        from pymodbus.simulator import DataType, SimData, SimDevice
+
+        bits = [SimData(0, values=False, datatype=DataType.BITS)]
+        words = [SimData(0, values=0, count=8, datatype=DataType.REGISTERS)]
+        more = [SimData(0, values=0, count=8, datatype=DataType.REGISTERS)]
+        device = SimDevice(1, simdata=(bits, list(bits), words, more), action=self._act)
+        server = ModbusTcpServer(device, address=("127.0.0.1", self.port))
+        await server.serve_forever(background=True)
+        listener: Any = server.transport
+        self.port = listener.sockets[0].getsockname()[1]
+        self._server = server
+
+    async def _act(
+        self,
+        function: int,
+        start: int,
+        address: int,
+        count: int,
+        registers: list[int],
+        values: list[int] | list[bool] | None,
+    ) -> Any:
+        faults = self._rig.faults
+        if values is not None and function in (_WRITE_ONE, _WRITE_MANY):
+            refusal = self._written(address, [int(value) for value in values])
+            if refusal is not None:
+                return refusal
+        if faults.mute:
+            await asyncio.sleep(_UNANSWERED)
+        if faults.delay > 0.0:
+            await asyncio.sleep(faults.delay)
+        shown = self._holding() if function == _READ_HOLDING else self._input()
+        if values is None:
+            for place, value in enumerate(shown):
+                registers[place - start] = value
+        return None
+
+    def _written(self, address: int, values: list[int]) -> Any:
+        from pymodbus.constants import ExcCodes
+
+        if address == HEARTBEAT:
+            self.beats = values[0]
+            return None
+        signed = [value - 0x10000 if value > _BROKEN_SENSOR else value for value in values]
+        if address != 0 or len(signed) != 2:
+            return ExcCodes.ILLEGAL_ADDRESS
+        refused = self._rig.command(*(_MBAR.to_pascal(float(value)) for value in signed))
+        return ExcCodes.ILLEGAL_VALUE if refused else None
+
+    def _holding(self) -> list[int]:
+        return [*(round(_MBAR.from_pascal(value)) for value in self._rig.setpoint), self.beats]
+
+    def _input(self) -> list[int]:
+        status = self._rig.latest()
+        actual = [
+            _BROKEN_SENSOR if math.isnan(value) else round(_MBAR.from_pascal(value)) & 0xFFFF
+            for value in status.pressure
+        ]
+        milliseconds = int(status.stamp * 1e3) % 2**32
+        return [*actual, milliseconds >> 16, milliseconds & 0xFFFF]

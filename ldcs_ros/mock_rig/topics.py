@@ -1,0 +1,98 @@
+"""The stand-in rig on ROS topics: what a rig controller and a tracker driver publish, as bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.messages import messages
+from ldcs_ros.messages.cdr import decode, nanoseconds
+from ldcs_ros.mock_rig.rig import MockRig
+from ldcs_ros.rig.units import AMBIENT, PressureUnit
+
+ARRAY = "std_msgs/msg/Float64MultiArray"
+FLUID = "sensor_msgs/msg/FluidPressure"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
+SETPOINT, COMMAND, TRACKER = "/rig/pressure_setpoint", "/rig/pressure_command", "/rig/trakstar_msg"
+_MBAR = PressureUnit("mbar")
+
+
+class Topics:
+    """Publishes the rig's reports and takes commands on topics.
+
+    Args:
+        rig: The rig.
+        publish: Sends a message: topic, type, CDR bytes.
+        pressures: Publish pressures and take commands; else only the tracker, for a rig on another transport.
+    """
+
+    def __init__(
+        self, rig: MockRig, publish: Callable[[str, str, bytes], None], *, pressures: bool = True
+    ) -> None:
+        self._rig, self._publish, self._pressures = rig, publish, pressures
+        self._last = 0
+
+    def start(self) -> None:
+        """Nothing to open."""
+
+    def stop(self) -> None:
+        """Nothing to close."""
+
+    def outgoing(self) -> dict[str, str]:
+        """Return the topics that it publishes, with their types."""
+        topics = {TRACKER: TRANSFORM}
+        if self._pressures:
+            topics |= {SETPOINT: ARRAY}
+            topics |= {f"/rig/{arm}/pressure": FLUID for arm in self._rig.simulation.arm_names}
+        return topics
+
+    def describe(self) -> dict[str, Any]:
+        """Return the link of a rig file that connects to it."""
+        probes = {f"trakstar{i}": point for i, point in enumerate(self._rig.simulation.points)}
+        receive: list[dict[str, Any]] = [
+            {
+                "topic": TRACKER,
+                "type": TRANSFORM,
+                "gives": "position",
+                "names": probes,
+                "age": self._rig.tracker_delay,
+            }
+        ]
+        link: dict[str, Any] = {"type": "topics", "receive": receive}
+        if self._pressures:
+            arms = list(self._rig.simulation.arm_names)
+            common = {"gives": "pressure", "unit": "Pa", "reference": "absolute"}
+            receive += [
+                {"topic": f"/rig/{arm}/pressure", "type": FLUID, "names": [arm], **common} for arm in arms
+            ]
+            receive.append(
+                {"topic": SETPOINT, "type": ARRAY, "gives": "pressure_command", "names": arms, "unit": "mbar"}
+            )
+            link["send"] = {"topic": COMMAND, "unit": "mbar"}
+        return link
+
+    def receive(self, cdr: bytes) -> None:
+        """Take a command's bytes [mbar]; what is none changes nothing."""
+        try:
+            values = [_MBAR.to_pascal(float(value)) for value in decode(ARRAY, cdr).data]
+        except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes
+            return
+        if len(values) == 2:
+            self._rig.command(*values)
+
+    def work(self) -> None:
+        """Publish what is due; called about as often as the rig reports."""
+        for stamp, measured in self._rig.tracked():
+            moment = nanoseconds(stamp)
+            self._publish(TRACKER, TRANSFORM, messages.trakstar(moment, measured))
+        if not self._pressures:
+            return
+        for status in self._rig.statuses(self._last):
+            self._last = max(self._last, status.number)
+            setpoint = np.array([_MBAR.from_pascal(value) for value in status.setpoint])
+            self._publish(SETPOINT, ARRAY, messages.pressure_command(setpoint))
+            for arm, value in zip(self._rig.simulation.arm_names, status.pressure, strict=True):
+                message = messages.fluid_pressure(nanoseconds(status.stamp), "rig", value + AMBIENT, 0.0)
+                self._publish(f"/rig/{arm}/pressure", FLUID, message)

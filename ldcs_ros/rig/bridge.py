@@ -1,0 +1,244 @@
+"""Bridge: links, intake, gate and the twin beside the rig, in one pass that a thread repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import BridgeError, DivergenceError
+from ldcs_ros.rig.follower import Follower, unscheduled
+from ldcs_ros.rig.gate import Gate, GateState, Mode
+from ldcs_ros.rig.intake import Intake, Sample
+from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.mirror import Mirror
+from ldcs_ros.rig.rig_bag import RigBag
+from ldcs_ros.rig.rig_file import RigFile
+from ldcs_ros.rig.rig_report import RigReport
+from ldcs_ros.rig.topics import bridge_topics
+from ldcs_ros.rig.valve_watch import ValveWatch
+from ldcs_ros.twin.twin import Twin
+
+_EMPTY = 0.05  # share of the largest pressure below which a chamber counts as empty
+_TOLERANCE = 0.08  # share of the largest pressure by which a sound valve may be off
+
+
+class Bridge:
+    """Runs beside a rig; commands it only in mode live, armed, within limits, while everything is sound.
+
+    Args:
+        scene: Scene of the twin; its arms are driven by pressure.
+        rig: The rig.
+        mode: What the bridge may do.
+        clock: Steady clock [s].
+        twin_options: Further options of the twin.
+        sinks: Get every message, as those of a Twin.
+
+    Attributes:
+        twin: The twin; its time counts from the bridge's start.
+        gate: The gate for commands.
+        intake: Checks and counts of what the rig reports.
+        links: The links.
+        watch: Compares measured pressures with what the set-points call for.
+        follower: The twin's runner.
+        mirror: The estimator, in mode mirror.
+        bag: Where the rig's side is recorded, if it is.
+        failure: Why the twin stopped; '' while it runs. Links and gate work on without it.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        rig: RigFile,
+        *,
+        mode: Mode,
+        clock: Callable[[], float],
+        twin_options: dict[str, Any] | None = None,
+        sinks: Iterable[Any] = (),
+    ) -> None:
+        self.rig, self.mode = rig, mode
+        self._clock = clock
+        self.twin = Twin(unscheduled(scene), sinks=sinks, diagnostics=False, **(twin_options or {}))
+        self.follower = Follower(self.twin)
+        arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
+        self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)
+        self.mirror = Mirror(self.twin) if mode is Mode.MIRROR else None
+        self.links: list[Link] = rig.connect(clock)
+        self.start_time = clock()
+        self.gate = Gate(mode, rig.limits, clock, len(arms))
+        self.intake = Intake(4.0 * rig.limits.pressure, self.start_time)
+        for link in self.links:
+            if link.clock_estimate is not None:
+                self.intake.clocks[link.name] = link.clock_estimate
+        patience = rig.limits.command_timeout
+        self.watch = ValveWatch(tolerance=_TOLERANCE * rig.limits.pressure, patience=patience)
+        self._report = RigReport(self.twin)
+        self.bag: RigBag | None = None
+        self.failure = ""
+        self.measured: dict[str, float] = {}
+        self._setpoints: dict[str, float] = {}
+
+    def start(self) -> None:
+        """Let time begin, and the links."""
+        self.start_time = self._clock()
+        self.intake.restart(self.start_time)
+        for link in self.links:
+            link.start()
+
+    def stop(self) -> None:
+        """Vent if it was armed, wait until the set-points are down, and disconnect."""
+        if self.gate.disarm("the bridge ends"):
+            end = self._clock() + self.rig.limits.vent_ramp + 0.1
+            while self._clock() < end:
+                self._offer()
+                self._pause(0.01)
+        for link in self.links:
+            link.stop()
+        if self.bag is not None:
+            self._record_frames()
+            self.bag.close()
+
+    def step(self) -> None:
+        """Do one pass: take what came, judge it, tick the gate, advance the twin, report."""
+        now = self._clock()
+        samples = [sample for sample in map(self.intake.take, self._readings()) if sample is not None]
+        for sample in samples:
+            self._note(sample)
+        self._guard(now)
+        self._offer()
+        self._follow(now, samples)
+        self._record_frames()
+
+    def command(self, pressure: Sequence[float] | np.ndarray) -> None:
+        """Take an operator's command [Pa]; raises BridgeError when it is refused."""
+        self.gate.command(pressure)
+
+    def arm(self) -> None:
+        """Let commands through from now; raises BridgeError with all that speaks against it."""
+        self.gate.arm(self.obstacles())
+
+    def obstacles(self) -> list[str]:
+        """Return what speaks against arming, in words."""
+        limits, now = self.rig.limits, self._clock()
+        found = [f"{link.name}: {link.error}" for link in self.links if not link.connected]
+        if not any(link.commands for link in self.links):
+            found.append("no link of the rig file takes set-points")
+        stale = self._staleness(now)
+        if stale:
+            found.append(stale)
+        for arm in self.twin.simulation.arm_names:
+            if arm not in self.measured:
+                found.append(f"no pressure of {arm} has been measured yet")
+        if self.failure:
+            found.append(f"the twin stopped: {self.failure}")
+        full = {arm: value for arm, value in self.measured.items() if value > _EMPTY * limits.pressure}
+        found += [f"{arm} holds {value / 1e3:.1f} kPa; vent it first" for arm, value in full.items()]
+        found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
+        return found
+
+    def now(self) -> float:
+        """Return the steady time [s]."""
+        return self._clock()
+
+    def time_of(self, moment: float) -> float:
+        """Return a steady time on the twin's time axis [s]."""
+        return moment - self.start_time
+
+    def _readings(self) -> list[Any]:
+        return [reading for link in self.links for reading in link.take_readings()]
+
+    def _note(self, sample: Sample) -> None:
+        if sample.kind == "pressure":
+            self.measured[sample.name] = float(sample.value)
+        elif sample.kind == "pressure_command":
+            self._setpoints[sample.name] = float(sample.value)
+
+    def _guard(self, now: float) -> None:
+        """Vent when something is wrong that commands cannot mend."""
+        if self.gate.state is not GateState.ARMED:
+            return
+        for link in self.links:
+            if not link.connected:
+                self.gate.trip(f"{link.name}: {link.error}")
+        stale = self._staleness(now)
+        if stale:
+            self.gate.trip(stale)
+        for arm, fault in self.watch.faults.items():
+            self.gate.trip(f"{arm} {fault}")
+        if self.failure:
+            # Without it nobody can tell a sound valve from a stuck one.
+            self.gate.trip(f"the twin stopped: {self.failure}")
+
+    def _staleness(self, now: float) -> str:
+        return self.intake.staleness(now, "pressure", self.rig.limits.rig_timeout)
+
+    def _offer(self) -> None:
+        setpoint = self.gate.tick()
+        for link in self.links:
+            if link.commands:
+                link.offer(setpoint)
+
+    def _follow(self, now: float, samples: list[Sample]) -> None:
+        if self.failure:
+            return
+        try:
+            self.follower.command(self._called_for())
+            self.follower.advance(self.time_of(now))
+        except DivergenceError as error:
+            self.failure = str(error)
+            return
+        for sample in samples:
+            time = self.time_of(sample.time)
+            self._report.sample(sample, time)
+            if self.bag is not None:
+                self.bag.sample(sample, time, self.time_of(sample.received))
+            if sample.kind == "position":
+                residual = self.follower.residual(sample.name, time, sample.value)
+                if residual is not None:
+                    self._report.residual(sample.name, time, residual)
+            elif sample.kind == "pressure":
+                self._watch_valve(sample.name, now)
+        if self.mirror is not None:
+            for sample in samples:
+                self.mirror.take(sample, self.time_of(sample.time))
+            self.mirror.report(self.time_of(now))
+
+    def _called_for(self) -> np.ndarray:
+        """Return what the twin is to follow [Pa]: the rig's set-points, else ours, else what was measured."""
+        arms = self.twin.simulation.arm_names
+        if self._setpoints:
+            source: dict[str, float] = self._setpoints
+        elif self.mode is Mode.LIVE:
+            source = dict(zip(arms, self.gate.setpoint.tolist(), strict=True))
+        else:
+            source = self.measured
+        return np.array([source.get(arm, 0.0) for arm in arms])
+
+    def _watch_valve(self, arm: str, now: float) -> None:
+        # Without set-points of the rig the twin follows the measurement itself: nothing to compare.
+        if self._setpoints or self.mode is Mode.LIVE:
+            called = float(self.follower.pressure[self.twin.simulation.arm_names.index(arm)])
+            self.watch.take(arm, now, self.measured[arm], called)
+
+    def _record_frames(self) -> None:
+        frames = [frame for link in self.links for frame in link.take_frames()]
+        if self.bag is not None:
+            for frame in frames:
+                self.bag.frame(frame, self.time_of(frame.time))
+
+    @staticmethod
+    def _pause(duration: float) -> None:
+        import time
+
+        time.sleep(duration)
+
+
+def mode_of(word: str) -> Mode:
+    """Return the mode of a word; raises BridgeError."""
+    try:
+        return Mode(word)
+    except ValueError as error:
+        raise BridgeError(
+            f"unknown mode {word!r}; expected one of {[mode.value for mode in Mode]}"
+        ) from error

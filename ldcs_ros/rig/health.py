@@ -1,0 +1,157 @@
+"""What an operator sees of the bridge: one status for each thing that can go wrong."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
+from ldcs_ros.rig.bridge import Bridge
+from ldcs_ros.rig.gate import GateState, Mode
+
+_LATE = 0.1  # s: latency that is worth a warning
+
+
+class Health:
+    """Reads a bridge's state for the diagnostics; what it says of counts is since the last reading.
+
+    Args:
+        bridge: The bridge.
+    """
+
+    def __init__(self, bridge: Bridge) -> None:
+        self._bridge = bridge
+        self._dropped: dict[str, int] = {}
+        self._jumps: dict[str, int] = {}
+        self._lost = 0
+
+    def read(self) -> list[Status]:
+        """Return all statuses and begin the next period."""
+        bridge = self._bridge
+        statuses = [self._gate(), self._links(), self._readings(), self._clock(), self._valves()]
+        statuses.append(self._residuals())
+        if bridge.mirror is not None:
+            statuses.append(bridge.mirror.status())
+        if bridge.failure:
+            statuses.append(Status("twin", ERROR, bridge.failure))
+        return statuses
+
+    def _gate(self) -> Status:
+        gate, limits = self._bridge.gate, self._bridge.rig.limits
+        level, words = OK, f"{gate.mode.value}: commands nothing"
+        if gate.state is GateState.DISARMED:
+            level, words = OK, "live, not armed: call arm"
+        elif gate.state is GateState.ARMED:
+            level, words = OK, "live, armed"
+        elif gate.state is GateState.VENTED:
+            level, words = ERROR, f"vented: {gate.reason}; call arm when it is mended"
+            full = self._still_full()
+            if full:
+                words = f"{full} still holds pressure: cut the supply; {words}"
+        values: dict[str, Any] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
+        setpoints = gate.setpoint.tolist()
+        for arm, value in zip(self._bridge.twin.simulation.arm_names, setpoints, strict=True):
+            values[f"set-point {arm} [Pa]"] = value
+        values["limit [Pa]"] = limits.pressure
+        values["accepted"] = gate.accepted
+        values["refused"] = sum(gate.refused.values())
+        values["last refusal"] = gate.last_refusal or "none"
+        values["corrected by a link"] = sum(link.stage.corrections for link in self._bridge.links)
+        return Status("gate", level, words, values)
+
+    def _still_full(self) -> str:
+        bridge = self._bridge
+        for_how_long = bridge.gate.venting_for
+        if for_how_long is None or for_how_long < bridge.rig.limits.vent_time:
+            return ""
+        bound = 0.1 * bridge.rig.limits.pressure
+        return ", ".join(arm for arm, value in bridge.measured.items() if value > bound)
+
+    def _links(self) -> Status:
+        links = self._bridge.links
+        broken = [f"{link.name}: {link.error}" for link in links if not link.connected]
+        drops = sum(link.drops for link in links)
+        lost, self._lost = drops - self._lost, drops
+        values: dict[str, Any] = {}
+        for link in links:
+            values[f"{link.name} connected"] = link.connected
+            values[f"{link.name} drops"] = link.drops
+            values[f"{link.name} malformed"] = link.malformed
+            values[f"{link.name} heartbeats sent"] = link.beats
+        if broken:
+            return Status("links", ERROR, "; ".join(broken), values)
+        if lost:
+            return Status("links", WARN, f"a connection was lost {lost} times and is back", values)
+        return Status("links", OK, "connected", values)
+
+    def _readings(self) -> Status:
+        bridge, intake = self._bridge, self._bridge.intake
+        now = bridge.now()
+        silence = intake.silence(now, "pressure")
+        new = {reason: count - self._dropped.get(reason, 0) for reason, count in intake.dropped.items()}
+        new = {reason: count for reason, count in new.items() if count}
+        self._dropped = dict(intake.dropped)
+        values: dict[str, Any] = {"accepted": intake.accepted, "age of pressures [s]": silence}
+        values |= {f"dropped, {reason}": count for reason, count in sorted(intake.dropped.items())}
+        for arm, pressure in bridge.measured.items():
+            values[f"measured {arm} [Pa]"] = pressure
+        dropped = ", ".join(f"{count} {reason}" for reason, count in new.items())
+        detail = f"dropped {dropped} (last: {intake.last_drop})" if dropped else ""
+        words = intake.staleness(now, "pressure", bridge.rig.limits.rig_timeout)
+        if words:
+            return Status("readings", ERROR, f"{words}; {detail}" if detail else words, values)
+        if detail:
+            return Status("readings", WARN, detail, values)
+        return Status("readings", OK, "sound", values)
+
+    def _clock(self) -> Status:
+        values: dict[str, Any] = {}
+        jumped, late = [], []
+        for source, clock in self._bridge.intake.clocks.items():
+            if clock.offset is None:
+                continue
+            worst = clock.take_worst_latency()
+            values[f"{source} offset [s]"] = clock.offset
+            values[f"{source} latency [s]"] = clock.latency
+            values[f"{source} worst latency [s]"] = worst
+            values[f"{source} jumps"] = clock.jumps
+            if clock.jumps > self._jumps.get(source, 0):
+                jumped.append(f"the clock of {source} jumped by {clock.last_jump:+.2f} s")
+            self._jumps[source] = clock.jumps
+            if worst > _LATE:
+                late.append(f"{source} up to {worst:.2f} s late")
+        if jumped or late:
+            return Status("clocks", WARN, "; ".join(jumped + late), values)
+        return Status("clocks", OK, "steady" if values else "the rig sends no stamps", values)
+
+    def _valves(self) -> Status:
+        watch = self._bridge.watch
+        values = {f"deviation {arm} [Pa]": value for arm, value in watch.deviation.items()}
+        if watch.faults:
+            words = "; ".join(f"{arm} {fault}" for arm, fault in watch.faults.items())
+            return Status("valves", ERROR, words, values)
+        return Status("valves", OK, "pressures follow their set-points" if values else "not compared", values)
+
+    def _residuals(self) -> Status:
+        squares = self._bridge.follower.squared_residual
+        values = {f"{point} [mm]": 1e3 * math.sqrt(square) for point, square in squares.items()}
+        if not values:
+            return Status("residuals", OK, "no positions measured")
+        words = ", ".join(f"{point} {values[f'{point} [mm]']:.2f} mm" for point in squares)
+        return Status("residuals", OK, f"twin against rig: {words}", values)
+
+
+def is_alarming(statuses: list[Status]) -> bool:
+    """Tell whether an operator must act."""
+    return any(status.level == ERROR for status in statuses)
+
+
+def headline(bridge: Bridge) -> str:
+    """Return mode, pressures and residuals in one line for a terminal."""
+    kilopascals = " ".join(f"{arm} {value / 1e3:6.1f} kPa" for arm, value in sorted(bridge.measured.items()))
+    residuals = " ".join(
+        f"{point} {1e3 * math.sqrt(square):5.2f} mm"
+        for point, square in bridge.follower.squared_residual.items()
+    )
+    state = bridge.gate.state.value if bridge.mode is Mode.LIVE else "listening"
+    return f"t {bridge.twin.time:8.2f} s | {bridge.mode.value}, {state} | {kilopascals} | off by {residuals}"

@@ -1,0 +1,130 @@
+"""A valve island by Modbus TCP: set-points in holding registers, measured pressures in input registers."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import LinkError
+from ldcs_ros.rig.clocks import ClockEstimate
+from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.reading import ARM_NAMES
+from ldcs_ros.rig.units import PressureUnit
+
+_HIGHEST_REGISTER = 0x7FFF  # above it some islands read a negative number
+_MILLISECONDS_A_TURN = 2**32
+
+
+@dataclass(frozen=True)
+class ModbusMap:
+    """Where a valve island keeps what.
+
+    Attributes:
+        host: Its address.
+        port: TCP port.
+        device: Device (unit) identifier.
+        rate: Exchanges a second [Hz].
+        timeout: Longest wait for an answer [s].
+        unit: Unit of the registers; the pressures in them are whole numbers.
+        setpoint: Holding register of the left arm's set-point; the right arm's follows.
+        actual: Input register of the left arm's measured pressure, signed; the right arm's follows.
+        clock: Input registers with milliseconds since some start, high word first; -1 for none.
+        heartbeat: Holding register that is counted up with every write; -1 for none.
+    """
+
+    host: str
+    port: int = 502
+    device: int = 1
+    rate: float = 50.0
+    timeout: float = 0.2
+    unit: PressureUnit = PressureUnit("mbar")
+    setpoint: int = 0
+    actual: int = 0
+    clock: int = -1
+    heartbeat: int = -1
+
+
+class ModbusLink(Link):
+    """Polls the island, and writes set-points when there are any; a written number never exceeds the asked one."""
+
+    def __init__(self, registers: ModbusMap, limits: Limits, clock: Callable[[], float]) -> None:
+        super().__init__("modbus", limits, clock, registers.rate)
+        self._map = registers
+        self._client: Any = None
+        self._highest = min(int(registers.unit.from_pascal(limits.pressure)), _HIGHEST_REGISTER)
+        if registers.clock >= 0:
+            self.clock_estimate = ClockEstimate()
+
+    def open(self) -> None:
+        from pymodbus.client import ModbusTcpClient
+
+        # Its own log would repeat every failed attempt; the diagnostics say it once a second.
+        logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
+        self._client = ModbusTcpClient(
+            self._map.host,
+            port=self._map.port,
+            timeout=self._map.timeout,
+            retries=0,
+            trace_packet=self._trace,
+        )
+        if not self._client.connect():
+            raise LinkError(
+                f"no valve island answers at {self._map.host}:{self._map.port}; is it switched on?"
+            )
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def exchange(self, setpoint: np.ndarray | None) -> None:
+        if setpoint is not None:
+            self._write(setpoint)
+        registers = self._map
+        wanted = self._ask("read_holding_registers", registers.setpoint, count=len(ARM_NAMES))
+        sent = self.clock()
+        actual = self._ask("read_input_registers", registers.actual, count=len(ARM_NAMES))
+        stamp = None
+        if registers.clock >= 0:
+            sent = self.clock()
+            high, low = self._ask("read_input_registers", registers.clock, count=2)
+            stamp = ((high << 16 | low) % _MILLISECONDS_A_TURN) * 1e-3
+            assert self.clock_estimate is not None
+            self.clock_estimate.round_trip(sent, stamp, self.clock())
+        for name, setting, pressure in zip(ARM_NAMES, wanted, actual, strict=True):
+            self.report("pressure_command", name, self._pascal(setting), stamp=stamp)
+            self.report("pressure", name, self._pascal(pressure), stamp=stamp)
+
+    def _write(self, setpoint: np.ndarray) -> None:
+        # Rounded down: rounding must not lift a set-point over its limit.
+        values = [int(self._map.unit.from_pascal(float(value))) for value in setpoint]
+        values = [min(max(value, 0), self._highest) for value in values]
+        self._ask("write_registers", self._map.setpoint, values)
+        if self._map.heartbeat >= 0:
+            self.beats += 1
+            self._ask("write_register", self._map.heartbeat, self.beats & 0xFFFF)
+
+    def _ask(self, request: str, *arguments: Any, **keywords: Any) -> list[int]:
+        from pymodbus.exceptions import ModbusException
+
+        try:
+            answer = getattr(self._client, request)(*arguments, device_id=self._map.device, **keywords)
+        except (ModbusException, OSError) as error:
+            raise LinkError(f"the valve island does not answer: {str(error).splitlines()[0]}") from error
+        if answer.isError():
+            raise LinkError(f"the valve island refuses {request} at register {arguments[0]}: {answer}")
+        return list(answer.registers)
+
+    def _pascal(self, register: int) -> np.ndarray:
+        signed = register - 0x10000 if register > _HIGHEST_REGISTER else register
+        return np.array(self._map.unit.to_pascal(float(signed)))
+
+    def _trace(self, sending: bool, data: bytes) -> bytes:
+        if data:
+            self.record(data, sent=sending)
+        return data

@@ -1,0 +1,193 @@
+"""The rig file: limits and links of one rig as YAML, checked; every error is one line with the path of the key."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.resources
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.modbus import ModbusLink, ModbusMap
+from ldcs_ros.rig.reading import ARM_NAMES, KINDS
+from ldcs_ros.rig.serial_line import SerialLink, SerialSettings
+from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink
+from ldcs_ros.rig.units import PressureUnit
+from ldcs_ros.schema.reader import Checks
+
+LINK_TYPES = ("modbus", "serial", "topics")
+_CHECKS = Checks(BridgeError)
+_UNIT_KEYS = ("unit", "reference", "ambient")
+
+
+@dataclass(frozen=True)
+class RigFile:
+    """What a rig file says.
+
+    Attributes:
+        title: One line for people.
+        limits: What no command may exceed.
+        links: Settings of each link.
+        text: The file itself, for bags.
+    """
+
+    title: str
+    limits: Limits
+    links: tuple[Any, ...]
+    text: str
+
+    def connect(self, clock: Callable[[], float]) -> list[Link]:
+        """Return the links, not yet started, on a steady clock [s]."""
+        return [_link(settings, self.limits, clock) for settings in self.links]
+
+
+@dataclass(frozen=True)
+class TopicSettings:
+    """What goes over topics."""
+
+    receive: tuple[Incoming, ...]
+    send: Outgoing | None
+    rate: float = 50.0
+
+
+def shipped_rigs() -> dict[str, Path]:
+    """Return the shipped rig files by name."""
+    folder = Path(str(importlib.resources.files("ldcs_ros"))) / "bridge" / "rigs"
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
+    """Return the rig of a shipped name, a YAML file or a dict with the same keys.
+
+    Raises:
+        BridgeError: It cannot be found, read or understood.
+    """
+    if isinstance(source, dict):
+        return _rig(source, yaml.safe_dump(source, sort_keys=False))
+    path = shipped_rigs().get(str(source), Path(source))
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BridgeError(
+            f"no rig {str(source)!r}: neither a readable file nor one of {list(shipped_rigs())}"
+        ) from error
+    content = _CHECKS.content(text, path.name)
+    try:
+        return _rig(content, text)
+    except BridgeError as error:
+        raise BridgeError(f"{error} in {path.name}") from error
+
+
+def _rig(content: Any, text: str) -> RigFile:
+    block = _CHECKS.keys(content, ("title", "limits", "links"), "the rig", required=("links",))
+    limits = _build(Limits, _CHECKS.keys(block.get("limits", {}), _names(Limits), "limits"), "limits")
+    links = tuple(
+        _settings(one, f"links[{index}]") for index, one in enumerate(_CHECKS.items(block["links"], "links"))
+    )
+    if not links:
+        raise BridgeError("no link leads to the rig; expected at least one @ links")
+    senders = [one for one in links if not isinstance(one, TopicSettings) or one.send is not None]
+    if len(senders) > 1:
+        raise BridgeError("more than one link takes set-points; leave one of them @ links")
+    return RigFile(str(block.get("title", "rig")), limits, links, text)
+
+
+def _settings(content: Any, path: str) -> Any:
+    kind = content.get("type") if isinstance(content, dict) else None
+    if kind == "modbus":
+        return _plain(ModbusMap, content, path)
+    if kind == "serial":
+        return _plain(SerialSettings, content, path)
+    if kind == "topics":
+        block = _CHECKS.keys(content, ("type", "receive", "send", "rate"), path, required=("receive",))
+        topics = _CHECKS.items(block["receive"], f"{path}.receive")
+        receive = tuple(_incoming(one, f"{path}.receive[{i}]") for i, one in enumerate(topics))
+        send = None
+        if block.get("send") is not None:
+            part = _CHECKS.keys(block["send"], ("topic", *_UNIT_KEYS), f"{path}.send", required=("topic",))
+            send = Outgoing(str(part["topic"]), _unit(part, f"{path}.send", "Pa"))
+        rate = _CHECKS.number(block.get("rate", 50.0), f"{path}.rate", low=1.0, high=1000.0)
+        return TopicSettings(receive, send, rate)
+    raise BridgeError(f"got the type {kind!r}, expected one of {list(LINK_TYPES)} @ {path}.type")
+
+
+def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
+    required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
+    keys = ("type", *_names(cls), *_UNIT_KEYS)
+    block = dict(_CHECKS.keys(content, keys, path, required=required))
+    del block["type"]
+    unit = _unit(block, path, "mbar")
+    block = {key: value for key, value in block.items() if key not in _UNIT_KEYS}
+    for field in dataclasses.fields(cls):
+        if field.name in block and field.name != "unit":
+            value = block[field.name]
+            if isinstance(field.default, bool) or field.type == "str":
+                block[field.name] = str(value)
+            else:
+                whole = field.type == "int"
+                low = -1.0 if whole else 1e-3
+                number = _CHECKS.number(value, f"{path}.{field.name}", low=low, high=4e6)
+                block[field.name] = int(number) if whole else number
+    return _build(cls, {**block, "unit": unit}, path)
+
+
+def _incoming(content: Any, path: str) -> Incoming:
+    keys = (*_names(Incoming), *_UNIT_KEYS)
+    required = ("topic", "type", "gives", "names")
+    block = dict(_CHECKS.keys(content, tuple(dict.fromkeys(keys)), path, required=required))
+    gives = _CHECKS.choice(block["gives"], KINDS, f"{path}.gives")
+    names = block["names"]
+    if not isinstance(names, (list, dict)) or not names:
+        raise BridgeError(
+            f"got {names!r}, expected names, or a mapping of the rig's names to ours @ {path}.names"
+        )
+    given = names.items() if isinstance(names, dict) else enumerate(names)
+    mapped = {str(theirs): str(ours) for theirs, ours in given}
+    if gives != "position" and not set(mapped.values()) <= set(ARM_NAMES):
+        raise BridgeError(f"got {sorted(mapped.values())}, expected arms out of {ARM_NAMES} @ {path}.names")
+    field = _CHECKS.choice(block.get("field", "effort"), JOINT_FIELDS, f"{path}.field")
+    numbers: dict[str, Any] = {
+        "age": _CHECKS.number(block.get("age", 0.0), f"{path}.age", low=0.0, high=10.0)
+    }
+    for key, length in (("origin", 3), ("turn", 4)):
+        if key in block:
+            numbers[key] = _CHECKS.numbers(block[key], length, f"{path}.{key}", low=-100.0, high=100.0)
+    unit = _unit(block, path, "Pa")
+    fixed = {"topic": str(block["topic"]), "type": str(block["type"]), "gives": gives}
+    incoming: Incoming = _build(
+        Incoming, {**fixed, "names": mapped, "unit": unit, "field": field, **numbers}, path
+    )
+    return incoming
+
+
+def _unit(block: Mapping[str, Any], path: str, default: str) -> PressureUnit:
+    ambient = _CHECKS.number(block.get("ambient", 101325.0), f"{path}.ambient", low=0.0, high=2e5)
+    values = {"name": block.get("unit", default), "reference": block.get("reference", "gauge")}
+    made: PressureUnit = _build(PressureUnit, {**values, "ambient": ambient}, f"{path}.unit")
+    return made
+
+
+def _build(cls: Any, values: Mapping[str, Any], path: str) -> Any:
+    try:
+        return cls(**values)
+    except BridgeError as error:
+        raise BridgeError(str(error) if " @ " in str(error) else f"{error} @ {path}") from error
+
+
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls))
+
+
+def _link(settings: Any, limits: Limits, clock: Callable[[], float]) -> Link:
+    if isinstance(settings, ModbusMap):
+        return ModbusLink(settings, limits, clock)
+    if isinstance(settings, SerialSettings):
+        return SerialLink(settings, limits, clock)
+    return TopicLink(settings.receive, settings.send, limits, clock, rate=settings.rate)

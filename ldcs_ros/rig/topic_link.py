@@ -1,0 +1,159 @@
+"""A rig on ROS topics, by a mapping: which topic gives or takes what; messages are bytes here, a node carries them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.messages import messages
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.display.loads import rotate
+from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.link import Frame, Link
+from ldcs_ros.rig.reading import Reading
+from ldcs_ros.rig.units import PressureUnit
+
+POSITION_TYPES = ("geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/PoseStamped")
+PRESSURE_TYPES = (
+    "std_msgs/msg/Float64MultiArray",
+    "sensor_msgs/msg/FluidPressure",
+    "sensor_msgs/msg/JointState",
+)
+JOINT_FIELDS = ("position", "velocity", "effort")
+
+
+@dataclass(frozen=True)
+class Incoming:
+    """What one topic gives.
+
+    Attributes:
+        topic: Its name.
+        type: Its message type.
+        gives: 'pressure', 'pressure_command' or 'position'.
+        names: What the message's own names (child frame, frame, joint, or index as text) stand for: arm or point.
+        unit: Unit of pressures.
+        field: Which field of a JointState holds the pressures.
+        age: How much older than its stamp a value is [s].
+        origin: Where the tracker's base stands in ldcs_base [m].
+        turn: Its orientation there, quaternion x, y, z, w.
+    """
+
+    topic: str
+    type: str
+    gives: str
+    names: Mapping[str, str]
+    unit: PressureUnit = PressureUnit()
+    field: str = "effort"
+    age: float = 0.0
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        types = POSITION_TYPES if self.gives == "position" else PRESSURE_TYPES
+        if self.type not in types:
+            raise BridgeError(
+                f"{self.topic} gives {self.gives}: got {self.type!r}, expected one of {list(types)}"
+            )
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """Where set-points go: a Float64MultiArray, order left, right.
+
+    Attributes:
+        topic: Its name.
+        unit: Unit of the pressures.
+    """
+
+    topic: str
+    unit: PressureUnit = field(default_factory=PressureUnit)
+
+
+class TopicLink(Link):
+    """Takes messages from whoever subscribes for it, and hands set-points to whoever publishes for it.
+
+    Args:
+        incoming: What comes in.
+        outgoing: Where set-points go; None for a rig that is only listened to.
+        limits: Hard limits.
+        clock: Steady clock [s].
+        rate: Set-points a second [Hz].
+
+    Attributes:
+        publish: Sends a message: topic, CDR bytes; set by the node.
+    """
+
+    def __init__(
+        self,
+        incoming: tuple[Incoming, ...],
+        outgoing: Outgoing | None,
+        limits: Limits,
+        clock: Callable[[], float],
+        *,
+        rate: float = 50.0,
+    ) -> None:
+        super().__init__("topics", limits, clock, rate)
+        self.incoming = {one.topic: one for one in incoming}
+        self.outgoing = outgoing
+        self.commands = outgoing is not None
+        self.publish: Callable[[str, bytes], None] = lambda topic, cdr: None
+
+    def open(self) -> None:
+        """Nothing to do: DDS connects by itself, and silence is noticed as such."""
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+    def exchange(self, setpoint: np.ndarray | None) -> None:
+        if setpoint is None or self.outgoing is None:
+            return
+        values = np.array([self.outgoing.unit.from_pascal(float(value)) for value in setpoint])
+        self.beats += 1
+        self.publish(self.outgoing.topic, messages.pressure_command(values))
+
+    def receive(self, topic: str, cdr: bytes) -> None:
+        """Take a message's bytes; what makes no sense is counted."""
+        rule = self.incoming[topic]
+        self._frames.append(Frame(topic, False, cdr, self.clock(), rule.type))
+        try:
+            message = decode(rule.type, cdr)
+            found = list(_values(rule, message))
+        except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes
+            self.malformed += 1
+            return
+        header = getattr(message, "header", None)
+        stamp = None if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
+        now = self.clock()
+        for name, value in found:
+            self._readings.append(Reading(rule.gives, name, value, now, topic, stamp or None, rule.age))
+
+
+def _values(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
+    kind = rule.type.rsplit("/", 1)[1]
+    if kind == "TransformStamped":
+        name = rule.names.get(message.child_frame_id)
+        return [] if name is None else [(name, _placed(rule, message.transform.translation))]
+    if kind == "PoseStamped":
+        name = rule.names.get("0")
+        return [] if name is None else [(name, _placed(rule, message.pose.position))]
+    if kind == "FluidPressure":
+        numbers = {"0": message.fluid_pressure, message.header.frame_id: message.fluid_pressure}
+    elif kind == "JointState":
+        numbers = dict(zip(message.name, getattr(message, rule.field), strict=False))
+    else:
+        numbers = {str(index): value for index, value in enumerate(message.data)}
+        if len(numbers) < len(rule.names):
+            raise ValueError(f"got {len(numbers)} numbers, expected {len(rule.names)}")
+    return [
+        (name, np.array(rule.unit.to_pascal(float(numbers[key]))))
+        for key, name in rule.names.items()
+        if key in numbers
+    ]
+
+
+def _placed(rule: Incoming, place: Any) -> np.ndarray:
+    return np.array(rule.origin) + rotate(np.array(rule.turn), (place.x, place.y, place.z))

@@ -1,0 +1,42 @@
+"""Units of pressure that rigs speak; converted once, where a message comes in or goes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.signals.units import PRESSURE
+
+# The units of mapping files: one table for a rig on the wire and in a bag.
+PASCALS: dict[str, float] = PRESSURE
+REFERENCES = ("gauge", "absolute")
+AMBIENT = 101325.0
+
+
+@dataclass(frozen=True)
+class PressureUnit:
+    """How a rig writes a pressure.
+
+    Attributes:
+        name: One of PASCALS.
+        reference: 'gauge' or 'absolute'.
+        ambient: Absolute pressure of the air [Pa], subtracted from absolute pressures.
+    """
+
+    name: str = "Pa"
+    reference: str = "gauge"
+    ambient: float = AMBIENT
+
+    def __post_init__(self) -> None:
+        if self.name not in PASCALS:
+            raise BridgeError(f"unknown unit {self.name!r} of pressure; expected one of {list(PASCALS)}")
+        if self.reference not in REFERENCES:
+            raise BridgeError(f"unknown reference {self.reference!r}; expected one of {list(REFERENCES)}")
+
+    def to_pascal(self, value: float) -> float:
+        """Return the gauge pressure [Pa] of what the rig wrote."""
+        return value * PASCALS[self.name] - (self.ambient if self.reference == "absolute" else 0.0)
+
+    def from_pascal(self, gauge: float) -> float:
+        """Return what the rig reads for a gauge pressure [Pa]."""
+        return (gauge + (self.ambient if self.reference == "absolute" else 0.0)) / PASCALS[self.name]

@@ -1,0 +1,1 @@
+"""What the nodes share: process, transport, quality of service, parameters, optional packages."""

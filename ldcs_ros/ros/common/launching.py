@@ -1,0 +1,80 @@
+"""What the launch files share: a node's parameters as launch arguments, and the node with those that were given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from ldcs_ros.ros.sim.parameters import NodeParameter
+
+PACKAGE = "ldcs_ros"
+NAMESPACE = "/ldcs"
+
+
+def argument(name: str, default: Any, meaning: str) -> DeclareLaunchArgument:
+    """Return an argument with its default and meaning, as `ros2 launch --show-args` prints them."""
+    return DeclareLaunchArgument(name, default_value=default, description=meaning)
+
+
+def parameter_arguments(
+    parameters: Iterable[NodeParameter], defaults: Mapping[str, str] | None = None
+) -> list[DeclareLaunchArgument]:
+    """Return an argument for each parameter; left empty, the parameter file decides, or else the node.
+
+    Args:
+        parameters: Parameters of a node.
+        defaults: Other defaults than empty, by name.
+    """
+    given = defaults or {}
+    return [
+        argument(
+            parameter.name,
+            given.get(parameter.name, ""),
+            f"{parameter.description} Left empty: that of the parameter file, or {_shown(parameter.default)}.",
+        )
+        for parameter in parameters
+    ]
+
+
+def given_parameters(context: LaunchContext, parameters: Iterable[NodeParameter]) -> dict[str, Any]:
+    """Return the parameters whose arguments are not empty, each with its own type."""
+    return {
+        parameter.name: ParameterValue(
+            LaunchConfiguration(parameter.name), value_type=type(parameter.default)
+        )
+        for parameter in parameters
+        if context.launch_configurations.get(parameter.name)
+    }
+
+
+def node(
+    context: LaunchContext, executable: str, values: Mapping[str, Any], *, file: str = "", **options: Any
+) -> Node:
+    """Return a node of this package; when it ends, everything else ends.
+
+    Args:
+        context: The launch under way.
+        executable: Which one.
+        values: Parameters by name, which come before those of the file.
+        file: Argument that holds the path of a parameter file; '' for none.
+        options: Further options of the node, such as its namespace.
+    """
+    path = context.launch_configurations.get(file, "")
+    return Node(
+        package=PACKAGE,
+        executable=executable,
+        parameters=[*([path] if path else []), dict(values)],
+        output="screen",
+        on_exit=Shutdown(reason=f"{executable} has ended"),
+        **options,
+    )
+
+
+def _shown(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)

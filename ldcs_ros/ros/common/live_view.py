@@ -1,0 +1,183 @@
+"""`ros2 run ldcs_ros live_view`: a running twin in a browser; `ldcs view --live` becomes this."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ldcs_ros.errors import LdcsError, ViewingError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from ldcs_ros.viewing.live import LiveShow
+    from ldcs_ros.viewing.site import Site
+
+NAME = "live_view"
+MEMORY = "1GiB"
+_DRAW_PERIOD = 0.04  # s of wall time
+_SEARCH_PERIOD = 0.5
+_PATIENCE = 20.0  # s until a picture without a twin is given up
+_HINT_AFTER = 5.0
+_PICTURE_AFTER = 1.0  # s of drawing
+
+
+def main(words: list[str] | None = None) -> int:
+    """Show a running twin until Ctrl-C or SIGTERM; return the exit status, 0, or 2 for what cannot be done."""
+    parser = argparse.ArgumentParser(prog=NAME, description=__doc__, allow_abbrev=False)
+    parser.add_argument("--namespace", default="/ldcs", help="namespace of the twin")
+    parser.add_argument("--port", type=int, default=9090, help="port of the page; 0 for any free one")
+    parser.add_argument("--save", type=Path, help="write what is shown into a .rrd file, too")
+    parser.add_argument("--screenshot", type=Path, help="write a picture and end (needs chromium)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument("--json", action="store_true", help="print the address as JSON")
+    arguments, ros_arguments = parser.parse_known_args(words)
+    try:
+        return _run(arguments, ros_arguments)
+    except ImportError as error:
+        advice = "run `make setup`, or source a ROS 2 distribution that has the packages of package.xml"
+        print(f"{NAME}: {error}; {advice}", file=sys.stderr)
+    except (LdcsError, RuntimeError, ValueError) as error:
+        print(f"{NAME}: {' '.join(str(error).split())}", file=sys.stderr)
+    return 2
+
+
+def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
+    import rclpy
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.signals import SignalHandlerOptions
+    from rclpy.validate_namespace import validate_namespace
+
+    from ldcs_ros.viewing.library import program
+    from ldcs_ros.viewing.showing import until_stopped
+    from ldcs_ros.viewing.site import live_site
+
+    program()
+    arguments.namespace = "/" + arguments.namespace.strip("/")
+    try:
+        validate_namespace(arguments.namespace)
+    except InvalidNamespaceException as error:
+        raise ViewingError(f"namespace {arguments.namespace!r}: {error}") from error
+    with until_stopped() as stopped, live_site(arguments.port, memory=MEMORY) as site:
+        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            return _show(arguments, site, stopped)
+        finally:
+            rclpy.try_shutdown()
+
+
+def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], bool]) -> int:
+    from ldcs_ros.viewing.live import LiveShow
+    from ldcs_ros.viewing.showing import open_browser
+
+    _tell(arguments, site.address)
+    if not arguments.no_browser and arguments.screenshot is None:
+        open_browser(site.address)
+    show = LiveShow(partial(_stream, site.data_url, arguments))
+    try:
+        return _follow(arguments, site.address, show, stopped)
+    finally:
+        show.close()
+
+
+def _follow(
+    arguments: argparse.Namespace, address: str, show: LiveShow, stopped: Callable[[float], bool]
+) -> int:
+    """Draw what comes until somebody stops it, or until the picture is taken."""
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    from ldcs_ros.viewing.showing import save_picture
+
+    node = Node("ldcs_view", namespace=arguments.namespace)
+    listener = Listener(node, show)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    began, searched, drawn, first = time.monotonic(), 0.0, 0.0, 0.0
+    advice = "start one with `make sim`, or name its namespace: --live NAMESPACE"
+    hinted = False
+    while not stopped(0.0):
+        executor.spin_once(timeout_sec=_DRAW_PERIOD)
+        now = time.monotonic()
+        if now >= searched + _SEARCH_PERIOD:
+            searched = now
+            listener.search()
+        if now >= drawn + _DRAW_PERIOD:
+            drawn = now
+            surfaces = show.draw()
+            first = first or (now if surfaces else 0.0)
+        if not (first or hinted) and now > began + _HINT_AFTER:
+            hinted = True
+            print(f"{NAME}: no twin is heard in {arguments.namespace} yet; {advice}", file=sys.stderr)
+        if arguments.screenshot is not None:
+            if first and now > first + _PICTURE_AFTER:
+                save_picture(address, arguments.screenshot)
+                return 0
+            if not first and now > began + _PATIENCE:
+                raise ViewingError(
+                    f"no twin sent a surface in {arguments.namespace} within {_PATIENCE:g} s; {advice}"
+                )
+    return 0
+
+
+class Listener:
+    """Subscribes to what a view shows, whenever it appears.
+
+    Args:
+        node: The node that listens, in the twin's namespace.
+        show: What is told.
+    """
+
+    def __init__(self, node: Node, show: LiveShow) -> None:
+        self._node = node
+        self._show = show
+        self._heard: set[str] = set()
+
+    def search(self) -> None:
+        """Look for topics that are new."""
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        from ldcs_ros.ros.common.optional import message_type
+        from ldcs_ros.viewing.live import is_shown
+
+        prefix = self._node.get_namespace().rstrip("/") + "/"
+        # Best effort hears every publisher; a view that is late must not hold one up.
+        quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for topic, types in self._node.get_topic_names_and_types():
+            name = topic.removeprefix(prefix)
+            if topic in self._heard or name == topic or not types or not is_shown(name, types[0]):
+                continue
+            if find_spec(types[0].split("/")[0]) is not None:
+                self._heard.add(topic)
+                taken = partial(self._show.receive, name, types[0])
+                self._node.create_subscription(message_type(types[0]), topic, taken, quality, raw=True)
+
+
+def _stream(url: str, arguments: argparse.Namespace) -> Any:
+    from ldcs_ros.viewing.library import new_stream, rerun
+
+    stream = new_stream(f"twin in {arguments.namespace}")
+    sinks = [rerun().GrpcSink(url)]
+    if arguments.save is not None:
+        arguments.save.parent.mkdir(parents=True, exist_ok=True)
+        sinks.append(rerun().FileSink(str(arguments.save)))
+    stream.set_sinks(*sinks)
+    return stream
+
+
+def _tell(arguments: argparse.Namespace, address: str) -> None:
+    if arguments.json:
+        print(json.dumps({"namespace": arguments.namespace, "url": address}), flush=True)
+    else:
+        print(f"the twin in {arguments.namespace} is shown at {address}   (Ctrl-C ends it)", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

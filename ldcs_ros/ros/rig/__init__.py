@@ -1,0 +1,1 @@
+"""The nodes of the rig: the bridge and the mock rig."""

@@ -1,0 +1,208 @@
+"""The bridge as a node: parameters, topics, services and recorders around a Bridge; no decision of its own."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+from ldcs_ros import load_scene
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.diagnostics import ERROR, OK, Status
+from ldcs_ros.messages.topics import Topic
+from ldcs_ros.rig.bridge import Bridge, mode_of
+from ldcs_ros.rig.health import Health, headline
+from ldcs_ros.rig.rig_bag import RigBag
+from ldcs_ros.rig.rig_file import load_rig
+from ldcs_ros.rig.topic_link import TopicLink
+from ldcs_ros.ros.common.optional import message_type
+from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.common.qos import check_overrides
+from ldcs_ros.ros.common.transport import Transport
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
+from ldcs_ros.ros.sim.parameters import declare
+from ldcs_ros.ros.sim.runner import Periodic
+from ldcs_ros.twin.recorder import Recorder
+
+NODE_NAME = "ldcs_bridge"
+DEFAULT_NAMESPACE = "/ldcs"
+PERIOD = 0.01
+DIAGNOSTICS_PERIOD = 1.0
+STATUS_PERIOD = 2.0
+
+
+class RigBridge(Node):
+    """Runs a bridge on a thread of its own.
+
+    Attributes:
+        finished: Set when the duration is over, or the bridge has failed.
+        failure: Why it failed; '' otherwise.
+
+    Raises:
+        LdcsError: A parameter does not fit; nothing was started.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
+        for complaint in declare(self, BRIDGE_PARAMETERS):
+            self.get_logger().warning(complaint)
+        self._whole_parameters = WholeParameterService(self)
+        self.finished = threading.Event()
+        self.failure = ""
+        self._lock = threading.Lock()
+        self._commands: deque[bytes] = deque(maxlen=100)
+        if not self._value("rig"):
+            raise BridgeError("which rig? Give its file: --ros-args -p rig:=my_rig.yaml")
+        self._bridge = Bridge(
+            load_scene(self._value("scene")),
+            load_rig(self._value("rig")),
+            mode=mode_of(self._value("mode")),
+            clock=time.monotonic,
+            twin_options={"publish_rate": self._value("publish_rate"), "accuracy": self._value("accuracy")},
+        )
+        self._health = Health(self._bridge)
+        self._transport = Transport(self)  # type: ignore[arg-type]
+        for complaint in check_overrides(self, self._published()):
+            self.get_logger().warning(complaint)
+        self._recorder: Recorder | None = None
+        self._record()
+        self._join_graph()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="bridge", daemon=True)
+        self._bridge.start()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Vent if armed, end the thread, close the bags; may be called again."""
+        if self._stopping.is_set():
+            return
+        self._stopping.set()
+        self._thread.join()
+        self._bridge.stop()
+        if self._recorder is not None:
+            self._recorder.close()
+        self._transport.close()
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _record(self) -> None:
+        folder = self._value("record")
+        if not folder:
+            return
+        twin = self._bridge.twin
+        self._recorder = Recorder(f"{folder}/twin", twin, namespace=self.get_namespace())
+        twin.sinks.append(self._recorder)
+        self._bridge.bag = RigBag(
+            f"{folder}/rig",
+            namespace=self.get_namespace(),
+            arms=twin.simulation.arm_names,
+            custom_data={
+                "rig": self._bridge.rig.text,
+                "scene": twin.scene.text,
+                "mode": self._bridge.mode.value,
+                "settled": "true",
+            },
+        )
+        self.get_logger().info(f"recording to {folder}/twin and {folder}/rig")
+
+    def _published(self) -> list[Topic]:
+        return [topic for topic in self._bridge.twin.topics.values() if topic.direction == "out"]
+
+    def _join_graph(self) -> None:
+        self._transport.open(self._published(), lambda topic, cdr: None)
+        self._bridge.twin.sinks.append(self._transport)
+        self.create_subscription(Float64MultiArray, "pressure_command", self._hear, 10, raw=True)
+        # Rigs publish reliably or not; this listens to both.
+        listening = QoSProfile(
+            history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.BEST_EFFORT
+        )
+        for link in self._bridge.links:
+            if not isinstance(link, TopicLink):
+                continue
+            for topic, rule in link.incoming.items():
+                callback = partial(link.receive, topic)
+                self.create_subscription(message_type(rule.type), topic, callback, listening, raw=True)
+            if link.outgoing is not None:
+                publisher = self.create_publisher(Float64MultiArray, link.outgoing.topic, 10)
+                link.publish = lambda topic, cdr, publisher=publisher: publisher.publish(cdr)  # type: ignore[misc]
+        self.create_service(Trigger, "~/arm", self._arm)
+        self.create_service(Trigger, "~/disarm", self._disarm)
+
+    def _hear(self, cdr: bytes) -> None:
+        self._commands.append(cdr)
+
+    def _arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            try:
+                self._bridge.arm()
+                response.success, response.message = True, "armed: commands go to the rig"
+            except BridgeError as error:
+                response.success, response.message = False, str(error)
+        return response
+
+    def _disarm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            armed = self._bridge.gate.disarm()
+        response.success, response.message = armed, "venting" if armed else "it was not armed"
+        return response
+
+    def _run(self) -> None:
+        try:
+            self._repeat()
+        except Exception as error:  # whatever it is: the operator is told, and the node ends, which vents
+            self.failure = f"the bridge stopped: {error!r}"
+            self.get_logger().error(f"{self.failure}\n{traceback.format_exc()}")
+            self.finished.set()
+
+    def _repeat(self) -> None:
+        duration = self._value("duration")
+        chores = [Periodic(DIAGNOSTICS_PERIOD, self._diagnose)]
+        chores.append(
+            Periodic(STATUS_PERIOD, lambda: print(headline(self._bridge), file=sys.stderr, flush=True))
+        )
+        deadline = time.monotonic()
+        while not self._stopping.is_set():
+            with self._lock:
+                self._forward()
+                self._bridge.step()
+                for chore in chores:
+                    chore.run_if_due()
+            if 0.0 < duration <= self._bridge.twin.time:
+                self.finished.set()
+                return
+            now = time.monotonic()
+            deadline = max(deadline + PERIOD, now - PERIOD)
+            self._stopping.wait(max(0.0, deadline - now))
+
+    def _forward(self) -> None:
+        while self._commands:
+            cdr = self._commands.popleft()
+            try:
+                self._bridge.command(decode("std_msgs/msg/Float64MultiArray", cdr).data)
+            except BridgeError:
+                pass  # counted by the gate, told in the diagnostics
+            except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
+                self._bridge.gate.count_refusal("malformed", f"not a Float64MultiArray ({error!r})")
+
+    def _diagnose(self) -> None:
+        statuses = [*self._health.read(), self._recording()]
+        self._bridge.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
+
+    def _recording(self) -> Status:
+        recorder, bag = self._recorder, self._bridge.bag
+        if recorder is None or bag is None:
+            return Status("recorder", OK, "off", {"recording": False})
+        problem = recorder.error or bag.error
+        values = {"twin messages": recorder.count, "rig messages": bag.count}
+        return Status("recorder", ERROR if problem else OK, problem or "recording", values)

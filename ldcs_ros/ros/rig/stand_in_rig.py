@@ -1,0 +1,159 @@
+"""The stand-in rig as a node: parameters and topics around a Stand; faults are parameters that may change."""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import Float64MultiArray
+
+from ldcs_ros import load_scene
+from ldcs_ros.errors import BridgeError
+from ldcs_ros.mock_rig.modbus_server import ModbusServer
+from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
+from ldcs_ros.mock_rig.serial_port import SerialPort
+from ldcs_ros.mock_rig.stand import Speaker, Stand
+from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, TRACKER, Topics
+from ldcs_ros.ros.common.optional import message_type
+from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
+from ldcs_ros.ros.sim.parameters import declare
+
+NODE_NAME = "mock_rig"
+FAULT = "fault_"
+STATUS_PERIOD = 2.0
+GAUGE_PERIOD = 0.02
+REST = 1.0
+
+
+class StandInRig(Node):
+    """Runs a stand-in rig; its own controller begins when somebody watches; `~/chambers` shows what no fault can hide.
+
+    That topic carries, in Pa gauge: left and right chamber, largest pressure so far, smallest and largest set-point
+    that anybody asked for.
+
+    Attributes:
+        finished: Set when the rig has failed; else it runs until it is stopped.
+        failure: Why it failed; '' otherwise.
+
+    Raises:
+        LdcsError: A parameter does not fit; nothing was started.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME, start_parameter_services=False)
+        for complaint in declare(self, MOCK_RIG_PARAMETERS):
+            self.get_logger().warning(complaint)
+        self._whole_parameters = WholeParameterService(self)
+        self.finished = threading.Event()
+        self.failure = ""
+        self._publishers_by_topic: dict[str, Any] = {}
+        self._rig = self._make_rig()
+        self._stand = Stand(self._rig, self._speakers())
+        self._turn([self.get_parameter(name) for name in MOCK_RIG_PARAMETERS if name.startswith(FAULT)])
+        self.add_on_set_parameters_callback(self._turn)
+        # Who watches from the start sees the rig at rest first: a run that can be repeated.
+        self._rig.course_start = math.inf
+        self._stand.start()
+        self._write_rig_file()
+        # The gauge on the wall: true whatever the rig's own reports say, for people and tests.
+        self._gauge = self.create_publisher(Float64MultiArray, "~/chambers", 10)
+        # A rig does not wait for a clock of the graph, whatever use_sim_time says.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timers_kept = [
+            self.create_timer(STATUS_PERIOD, self._tell, clock=steady),
+            self.create_timer(GAUGE_PERIOD, self._show_gauge, clock=steady),
+            self.create_timer(GAUGE_PERIOD, self._begin_when_watched, clock=steady),
+        ]
+
+    def stop(self) -> None:
+        """End the rig."""
+        self._stand.stop()
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _make_rig(self) -> MockRig:
+        hidden = Hidden(
+            self._value("stiffness_factor"),
+            self._value("gain_factor"),
+            self._value("load"),
+            self._value("tracker_delay"),
+        )
+        scene = hidden_scene(load_scene(self._value("scene")), hidden)
+        controller, epoch = self._value("controller"), self._value("clock_epoch")
+        return MockRig(scene, controller=controller, clock=time.monotonic, epoch=epoch)
+
+    def _speakers(self) -> list[Speaker]:
+        transport = self._value("transport")
+        if transport not in TRANSPORTS:
+            raise BridgeError(f"unknown transport {transport!r}; expected one of {list(TRANSPORTS)}")
+        topics = Topics(self._rig, self._publish, pressures=transport == "topics")
+        for topic, kind in topics.outgoing().items():
+            self._publishers_by_topic[topic] = self.create_publisher(message_type(kind), topic, 50)
+        if transport == "topics":
+            self.create_subscription(message_type(ARRAY), COMMAND, topics.receive, 10, raw=True)
+            return [topics]
+        if transport == "modbus":
+            return [ModbusServer(self._rig, self._value("port")), topics]
+        return [SerialPort(self._rig), topics]
+
+    def _publish(self, topic: str, message_type: str, cdr: bytes) -> None:
+        self._publishers_by_topic[topic].publish(cdr)
+
+    def _write_rig_file(self) -> None:
+        text = self._stand.rig_file({})
+        path = self._value("rig_file")
+        if path:
+            # Written whole or not at all: a bridge may be waiting for it.
+            draft = Path(f"{path}.draft")
+            draft.parent.mkdir(parents=True, exist_ok=True)
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(path)
+            self.get_logger().info(f"a bridge connects with rig:={path}")
+        else:
+            self.get_logger().info(
+                f"a bridge connects with this rig file (-p rig_file:=PATH writes it):\n{text}"
+            )
+
+    def _turn(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+        for change in changes:
+            if not change.name.startswith(FAULT):
+                continue
+            try:
+                self._rig.faults.set(change.name.removeprefix(FAULT), change.value)
+            except BridgeError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _begin_when_watched(self) -> None:
+        watched = self._publishers_by_topic[TRACKER].get_subscription_count() > 0
+        if watched and math.isinf(self._rig.course_start):
+            self._rig.course_start = time.monotonic() + REST
+
+    def _show_gauge(self) -> None:
+        rig = self._rig
+        asked = [rig.lowest_setpoint, rig.highest_setpoint]
+        self._gauge.publish(Float64MultiArray(data=[*rig.pressure.tolist(), rig.peak, *asked]))
+
+    def _tell(self) -> None:
+        if self._stand.failure:
+            self.failure = f"the rig stopped: {self._stand.failure}"
+            self.get_logger().error(self.failure)
+            self.finished.set()
+        left, right = (self._rig.pressure / 1e3).tolist()
+        peak = self._rig.peak / 1e3
+        print(
+            f"rig: left {left:6.1f} kPa, right {right:6.1f} kPa, peak {peak:6.1f} kPa",
+            file=sys.stderr,
+            flush=True,
+        )

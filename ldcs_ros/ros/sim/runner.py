@@ -1,0 +1,284 @@
+"""Runner: the thread that owns a twin; everything that touches the twin happens there."""
+
+from __future__ import annotations
+
+import enum
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from functools import partial
+from typing import Any, TypeVar
+
+from ldcs_ros.errors import DivergenceError
+from ldcs_ros.ros.sim.pace_meter import PaceMeter
+from ldcs_ros.ros.sim.pacing import Pacer
+from ldcs_ros.twin.commands import Refusal
+from ldcs_ros.twin.twin import Twin
+
+Result = TypeVar("Result")
+_IDLE_SLEEP = 0.05
+_REQUEST_TIMEOUT = 10.0
+
+
+class Mode(enum.Enum):
+    """What the runner does. STOPPED is the scene's start, before anybody let time run, stepped or paused."""
+
+    STOPPED = "stopped"
+    RUNNING = "running"
+    PAUSED = "paused"
+    FAILED = "failed"
+    FINISHED = "finished"
+
+
+class NotNow(Exception):
+    """A request that does not fit the present mode; the text says what to do."""
+
+
+class NotActive(NotNow):
+    """A request to a node that is not in the state of its lifecycle in which it can be granted."""
+
+
+class Periodic:
+    """A chore of the runner's thread.
+
+    Args:
+        period: Wall time between two calls [s].
+        chore: What is called.
+        delay: Wall time before the first call [s].
+    """
+
+    def __init__(self, period: float, chore: Callable[[], None], *, delay: float = 0.0) -> None:
+        self._period = period
+        self._chore = chore
+        self._next = time.monotonic() + delay
+
+    def run_if_due(self) -> None:
+        """Call the chore if its time has come; missed times are not made up for."""
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = max(self._next + self._period, now)
+            self._chore()
+
+
+class Runner:
+    """Advances a twin in real time (or as fast as it can) and serves requests in between.
+
+    Commands that arrive take effect behind the next event, so that nothing acts before it came.
+
+    Args:
+        twin: What is advanced.
+        pacer: Says when.
+        duration: Simulation time at which it finishes [s]; 0 for never.
+        on_failure: Told why, when the simulation cannot go on.
+        on_finish: Told when the duration is over.
+        on_reset: Called on the runner's thread before the twin goes back to its start.
+
+    Attributes:
+        mode: What it does at present.
+        failure: Why the simulation cannot go on; '' while it can.
+        deaf: Why commands are refused at present; '' while they are taken.
+        chores: Called on the runner's thread from time to time; filled before `start`.
+        meter: Real-time factor and step times.
+    """
+
+    def __init__(
+        self,
+        twin: Twin,
+        pacer: Pacer,
+        *,
+        duration: float = 0.0,
+        on_failure: Callable[[str], None],
+        on_finish: Callable[[], None],
+        on_reset: Callable[[], None],
+    ) -> None:
+        self.twin = twin
+        self.pacer = pacer
+        self.duration = duration
+        self.mode = Mode.STOPPED
+        self.failure = ""
+        self.deaf = ""
+        self.chores: list[Periodic] = []
+        self.meter = PaceMeter()
+        self._on_failure = on_failure
+        self._on_finish = on_finish
+        self._on_reset = on_reset
+        self._commands: deque[tuple[str, bytes]] = deque()
+        self._requests: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
+        self._wake = threading.Event()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread; time does not run yet."""
+        self.twin.watchdog.suspend()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Vent the arms and end the thread."""
+        self._stopping = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def post(self, topic: str, cdr: bytes) -> None:
+        """Hand in a command; it is applied, or refused and counted, behind the next event."""
+        self._commands.append((topic, cdr))
+
+    def hand_in(self, function: Callable[[], Result]) -> Future[Result]:
+        """Let a function run on the runner's thread when it comes round to it, behind what was handed in before."""
+        future: Future[Result] = Future()
+        self._requests.append((future, function))
+        self._wake.set()
+        return future
+
+    def call(self, function: Callable[[], Result], timeout: float = _REQUEST_TIMEOUT) -> Result:
+        """Run a function on the runner's thread and return what it returns.
+
+        Raises:
+            NotNow: The thread did not come round to it in time; whatever else the function raises.
+        """
+        future = self.hand_in(function)
+        try:
+            return future.result(timeout)
+        except FutureTimeoutError as error:
+            future.cancel()
+            raise NotNow(f"the simulation has been busy for {timeout:g} s; try again") from error
+
+    def pause(self) -> None:
+        """Stop time; on the runner's thread."""
+        if self.mode in (Mode.RUNNING, Mode.STOPPED):
+            self.mode = Mode.PAUSED
+            self.twin.watchdog.suspend()
+
+    def resume(self) -> None:
+        """Let time go on from where it stopped, without making up for the pause; on the runner's thread."""
+        if self.mode is Mode.FAILED:
+            raise NotNow(f"{self.failure}; call reset")
+        if self.mode in (Mode.PAUSED, Mode.STOPPED):
+            self.mode = Mode.RUNNING
+            self.pacer.lift()
+            self.meter.restart(self.twin.time)
+            self.twin.solver_report.restart()
+            self.twin.watchdog.resume()
+
+    def step(self) -> float:
+        """Advance by one publish period while paused and return the new time [s]; on the runner's thread."""
+        if self.mode is not Mode.PAUSED:
+            raise NotNow(
+                f"the simulation is {self.mode.value}; step works while it is paused, call pause first"
+            )
+        self._attempt(self.twin.advance_to_report)
+        if self.failure:
+            raise NotNow(f"{self.failure}; call reset")
+        return self.twin.time
+
+    def reset(self) -> None:
+        """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""
+        running = self.mode in (Mode.RUNNING, Mode.FAILED)
+        self._go_to_start(self.mode if self.mode is Mode.STOPPED else Mode.PAUSED)
+        if running:
+            self.resume()
+        else:
+            self._show_start()
+
+    def exchange(self, twin: Twin, between: Callable[[], None], *, stop: bool = False) -> None:
+        """Go on with another twin from its start, running unless the old one was stopped; on the runner's thread.
+
+        Args:
+            twin: The new twin.
+            between: Called when the old twin has had its last command.
+            stop: Stop, also if the old one ran.
+        """
+        self._apply_commands()
+        running = self.mode in (Mode.RUNNING, Mode.FAILED) and not stop
+        between()
+        twin.commands.count_on(self.twin.commands)
+        self.twin = twin
+        twin.watchdog.suspend()
+        self.mode, self.failure = Mode.STOPPED if stop or self.mode is Mode.STOPPED else Mode.PAUSED, ""
+        if running:
+            self.resume()
+        else:
+            self._show_start()
+
+    def halt(self) -> None:
+        """Stop time at the scene's start; on the runner's thread."""
+        self._go_to_start(Mode.STOPPED)
+        self._show_start()
+
+    def _go_to_start(self, mode: Mode) -> None:
+        self._on_reset()
+        self.twin.reset()
+        self.twin.watchdog.suspend()
+        self.mode, self.failure = mode, ""
+
+    def _show_start(self) -> None:
+        self._attempt(lambda: self.twin.advance_to(self.twin.time))
+
+    def _run(self) -> None:
+        while not self._stopping:
+            self._wake.clear()
+            self._serve_requests()
+            for chore in self.chores:
+                chore.run_if_due()
+            if self.mode is Mode.RUNNING:
+                self._go_on()
+            else:
+                self._apply_commands()
+                self._wake.wait(_IDLE_SLEEP)
+        self.twin.vent(0.0)
+        for future, _ in self._requests:
+            future.cancel()
+
+    def _go_on(self) -> None:
+        due = self.twin.next_time
+        if 0.0 < self.duration < due:
+            self._attempt(lambda: self.twin.advance_to(self.duration))
+            self.mode = Mode.FINISHED if not self.failure else self.mode
+            self._on_finish()
+            return
+        if self.pacer.wait(due, self._wake):
+            self.twin.overruns = self.pacer.overruns
+            self._attempt(self.twin.advance_to_next)
+            self._apply_commands()
+            self.twin.check_watchdog()
+
+    def _attempt(self, advance: Callable[[], None]) -> None:
+        started = time.perf_counter()
+        self._guard(advance)
+        self.meter.count(time.perf_counter() - started)
+
+    def _guard(self, function: Callable[[], object]) -> None:
+        try:
+            function()
+        except DivergenceError as error:
+            self._fail(str(error))
+        except Exception as error:  # whatever it is, the last good state stays and the operator is told
+            self._fail(f"the simulation stopped at t = {self.twin.time:g} s: {error!r}")
+
+    def _fail(self, reason: str) -> None:
+        self.mode = Mode.FAILED
+        self.failure = reason
+        self.twin.watchdog.suspend()
+        self._on_failure(reason)
+
+    def _serve_requests(self) -> None:
+        while self._requests:
+            future, function = self._requests.popleft()
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(function())
+            except Exception as error:
+                future.set_exception(error)
+
+    def _apply_commands(self) -> None:
+        while self._commands:
+            topic, cdr = self._commands.popleft()
+            if self.deaf:
+                self.twin.commands.refuse(Refusal("inactive", self.deaf), topic)
+            else:
+                self._guard(partial(self.twin.receive, topic, cdr))

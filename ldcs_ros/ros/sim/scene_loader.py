@@ -1,0 +1,84 @@
+"""Another scene without a restart: its twin is built beside the old one, which it then takes the place of."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from rclpy.lifecycle import LifecycleNode
+from rclpy.task import Future
+
+from ldcs_ros.ros.sim.runner import NotNow, Runner
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.twin.twin import Twin
+
+
+class Exchange(Protocol):
+    """Lets a twin take the place of the present one."""
+
+    def __call__(self, twin: Twin, *, stop: bool) -> str:
+        """Return what went wrong beside it, or ''; with `stop`, time does not run on."""
+
+
+class SceneLoader:
+    """Loads scenes, one at a time.
+
+    The new twin is built on a thread of its own while the old one runs on and takes commands; the two are
+    exchanged only when the new one stands.
+
+    Args:
+        node: The node whose executor others wait with.
+        runner: Returns the runner, or raises NotActive while the node is not active.
+        build: Returns the twin of a scene; may be called on any thread.
+        exchange: Lets a twin take the place of the present one.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        runner: Callable[[], Runner],
+        *,
+        build: Callable[[Scene], Twin],
+        exchange: Exchange,
+    ) -> None:
+        self._node = node
+        self._runner = runner
+        self._build = build
+        self._exchange = exchange
+        self._busy = False
+
+    async def load(self, scene: Callable[[], Scene], *, stop: bool = False) -> tuple[Twin, str]:
+        """Load a scene; return its twin and what went wrong beside it, or ''.
+
+        Args:
+            scene: Returns the scene; called on a thread of its own.
+            stop: Leave time standing at the start; otherwise it runs if it ran before.
+
+        Raises:
+            NotNow: Another one is being loaded, or the node is not active.
+            LdcsError: The scene cannot be built; the old one goes on.
+        """
+        if self._busy:
+            raise NotNow("another scene is being loaded; try again")
+        runner = self._runner()
+        self._busy = True
+        try:
+            twin = await self._built(scene)
+            if twin is None or self._runner() is not runner:
+                raise NotNow("the node was configured anew meanwhile; the scene was not loaded")
+            return twin, self._exchange(twin, stop=stop)
+        finally:
+            self._busy = False
+
+    def _built(self, scene: Callable[[], Scene]) -> Future[Twin]:
+        future: Future[Twin] = Future(executor=self._node.executor)
+
+        def build() -> None:
+            try:
+                future.set_result(self._build(scene()))
+            except Exception as error:
+                future.set_exception(error)
+
+        threading.Thread(target=build, name="scene", daemon=True).start()
+        return future

@@ -1,0 +1,341 @@
+"""The live twin as a lifecycle node: parameters, transport and recorder around a runner; no physics."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from ldcs_ros import load_scene
+from ldcs_ros.errors import DivergenceError, LdcsError
+from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
+from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.common.qos import check_overrides
+from ldcs_ros.ros.common.transport import Transport
+from ldcs_ros.ros.sim import parameters
+from ldcs_ros.ros.sim.bag_keeper import BagKeeper
+from ldcs_ros.ros.sim.clock_watch import ClockWatch, sim_time_complaint
+from ldcs_ros.ros.sim.health import health
+from ldcs_ros.ros.sim.namesakes import Namesakes
+from ldcs_ros.ros.sim.pacing import Pacer, tolerance
+from ldcs_ros.ros.sim.runner import NotActive, NotNow, Periodic, Runner
+from ldcs_ros.ros.sim.scene_loader import SceneLoader
+from ldcs_ros.ros.sim.scene_service import SceneService
+from ldcs_ros.ros.sim.services import Services
+from ldcs_ros.ros.sim.status_line import StatusLine
+from ldcs_ros.ros.sim.wrench_service import WrenchService
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.watchdog import Watchdog
+
+if TYPE_CHECKING:
+    from ldcs_ros.ros.simulator.services import SimulatorServices
+
+NODE_NAME = "ldcs_sim"
+DEFAULT_NAMESPACE = "/ldcs"
+DIAGNOSTICS_PERIOD = 1.0
+INACTIVE = "the node is inactive; activate it first"
+
+
+class SimulationNode(LifecycleNode):
+    """The node: builds a twin when configured, lets its time run while active.
+
+    Attributes:
+        finished: Set when the duration is over, or the node was shut down.
+        failure: Nothing ends this node in failure: trouble stops time, and is told.
+    """
+
+    failure = ""
+    # rclpy destroys a node that was refused before it had any.
+    _simulator: SimulatorServices | None = None
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
+        for complaint in parameters.declare(self):
+            self.get_logger().warning(complaint)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._parameters_changed)
+        self._whole_parameters = WholeParameterService(self)
+        self.finished = threading.Event()
+        self._problem: LdcsError | None = None
+        self._transport = Transport(self)
+        self._clock_watch = ClockWatch(self)
+        self._namesakes = Namesakes(self)
+        self._runner: Runner | None = None
+        self._bag = BagKeeper(self.get_logger())
+        self._status: StatusLine | None = None
+        self._interfaces: dict[str, str] = {}
+        self._is_active = False
+        self._triggers = Services(self, self.active_runner)
+        self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, exchange=self._exchange)
+        self._offer_own_services()
+        self._simulator = self._offer_simulator_services()
+
+    @classmethod
+    def started(cls) -> SimulationNode:
+        """Return a node that is active, or unconfigured if its parameter `autostart` is false.
+
+        Raises:
+            LdcsError: It could not be configured.
+        """
+        node, done = cls(), TransitionCallbackReturn.SUCCESS
+        if node._value("autostart"):
+            if node.trigger_configure() is not done or node.trigger_activate() is not done:
+                node.stop()
+                node.destroy_node()
+                raise node._problem or LdcsError("the node could not be started")
+        return node
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Build the twin, join the graph and start recording."""
+        try:
+            self._check_setting()
+            self._start(self._twin_of(load_scene(self._value("scene"))))
+        except LdcsError as error:
+            self.get_logger().error(str(error))
+            self._problem = error
+            self.stop()
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            # The lifecycle of rclpy would swallow it; a mistake of ours must be seen.
+            self.get_logger().error(traceback.format_exc())
+            self._problem = LdcsError(f"the node could not be configured: {error!r}")
+            return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let time run and take commands."""
+        runner = self._runner
+        assert runner is not None
+        try:
+            runner.call(runner.resume)
+        except NotNow as error:
+            # One that has failed is active all the same: reset, a service of the active node, brings it back.
+            self.get_logger().warning(str(error))
+            if not runner.failure:
+                return TransitionCallbackReturn.FAILURE
+        runner.deaf, self._is_active = "", True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop time and refuse commands; the graph and the bag stay."""
+        runner = self._runner
+        assert runner is not None
+        try:
+            runner.call(runner.pause)
+        except NotNow as error:
+            self.get_logger().warning(str(error))
+            return TransitionCallbackReturn.FAILURE
+        runner.deaf, self._is_active = INACTIVE, False
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Vent, close the bag and leave the graph."""
+        self.stop()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """The same, for good."""
+        self.stop()
+        self.finished.set()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After an error in a transition: back to unconfigured."""
+        self.stop()
+        return TransitionCallbackReturn.SUCCESS
+
+    def stop(self) -> None:
+        """Vent the arms, close the bag, leave the graph; may be called again."""
+        self._is_active = False
+        if self._runner is not None:
+            self._runner.stop()
+            self._runner = None
+        if self._status is not None:
+            self._status.close()
+            self._status = None
+        self._bag.close()
+        self._transport.close()
+
+    @property
+    def runner(self) -> Runner | None:
+        """What runs the twin; None while the node is unconfigured."""
+        return self._runner
+
+    def active_runner(self) -> Runner:
+        """Return what runs the twin, for those who change something.
+
+        Raises:
+            NotActive: The node is not active.
+        """
+        if self._runner is None:
+            raise NotActive("the node is unconfigured; configure and activate it first")
+        if not self._is_active:
+            raise NotActive(INACTIVE)
+        return self._runner
+
+    def destroy_node(self) -> None:
+        """Leave the graph."""
+        if self._simulator is not None:
+            self._simulator.close()
+            self._simulator = None
+        super().destroy_node()
+
+    def _offer_simulator_services(self) -> SimulatorServices | None:
+        if not installed()["simulation_interfaces"]:
+            return None
+        try:
+            from ldcs_ros.ros.simulator.services import SimulatorServices
+        except ImportError as error:
+            self.get_logger().warning(f"simulation_interfaces cannot be used: {error}")
+            return None
+        return SimulatorServices(self, self, self._scenes)
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _offer_own_services(self) -> None:
+        if not installed()["ldcs_msgs"]:
+            return
+        from ldcs_msgs.srv import ApplyWrench, LoadScene
+
+        WrenchService(self, ApplyWrench, self.active_runner)
+        SceneService(self, LoadScene, self._scenes)
+
+    def _check_setting(self) -> None:
+        present = installed()
+        used = {name for name in ("ldcs_msgs",) if present[name]}
+        if self._simulator is not None:
+            used.add("simulation_interfaces")
+        if self._value("publish_tf") and present["tf2_msgs"]:
+            used.add("tf2_msgs")
+        self._interfaces = interface_states(used)
+        missing = missing_line()
+        if missing:
+            self.get_logger().info(missing)
+        complaint = sim_time_complaint(
+            use_sim_time=self._value("use_sim_time"), publish_clock=self._value("publish_clock")
+        )
+        if complaint:
+            raise LdcsError(complaint)
+
+    def _twin_of(self, scene: Scene) -> Twin:
+        timeouts = {
+            "timeout": self._value("command_timeout"),
+            "wrench_timeout": self._value("wrench_timeout"),
+        }
+        twin = Twin(
+            scene,
+            seed=None if self._value("seed") < 0 else self._value("seed"),
+            accuracy=self._value("accuracy") or None,
+            tracker_rate=self._value("tracker_rate") or None,
+            publish_rate=self._value("publish_rate"),
+            wanted=self._transport.wanted,
+            watchdog=Watchdog(time.monotonic, **timeouts),
+            diagnostics=False,
+            ambient_pressure=self._value("ambient_pressure"),
+            publish_clock=self._value("publish_clock"),
+            publish_tf=self._value("publish_tf") and installed()["tf2_msgs"],
+            frame_prefix=self._value("frame_prefix"),
+            detail=self._value("record_detail"),
+        )
+        _warm_up(twin)
+        return twin
+
+    def _start(self, twin: Twin) -> None:
+        factor, rate = self._value("real_time_factor"), self._value("publish_rate")
+        runner = Runner(
+            twin,
+            Pacer(factor, tolerance=tolerance(rate, factor)),
+            duration=self._value("duration"),
+            on_failure=self._tell_failure,
+            on_finish=self.finished.set,
+            on_reset=self._start_bag_over,
+        )
+        runner.deaf = INACTIVE
+        for complaint in check_overrides(self, twin.topics.values()):
+            self.get_logger().warning(complaint)
+        if twin.publish_clock:
+            self._clock_watch.refuse_second()
+        self._join_graph(twin, runner)
+        self._bag.start(self._value("record"), twin, self.get_namespace())
+        self._runner, self._status = runner, StatusLine(sys.stderr, runner)
+        period = self._status.period
+        runner.chores += [
+            Periodic(DIAGNOSTICS_PERIOD, self._report_health),
+            Periodic(period, self._status.show, delay=period),
+        ]
+        runner.start()
+
+    def _join_graph(self, twin: Twin, runner: Runner) -> None:
+        # The bag says of each topic what its publisher offers.
+        twin.topics |= self._transport.open(twin.topics.values(), runner.post)
+        twin.sinks.append(self._transport)
+
+    def _exchange(self, twin: Twin, *, stop: bool) -> str:
+        runner = self.active_runner()
+        self._join_graph(twin, runner)
+        change_bag = partial(self._bag.change_twin, runner.twin, twin)
+        runner.call(partial(runner.exchange, twin, change_bag, stop=stop))
+        self._transport.keep(twin.topics)
+        return self._bag.error
+
+    def _tell_failure(self, reason: str) -> None:
+        self.get_logger().error(f"{reason}; paused, call reset")
+
+    def _report_health(self) -> None:
+        runner = self._runner
+        if runner is not None:
+            self._bag.watch()
+            missed = self._transport.missed
+            statuses = health(runner, self._bag.recorder, self._bag.error, self._interfaces, missed)
+            statuses.append(self._namesakes.look())
+            if runner.twin.publish_clock:
+                statuses.append(self._clock_watch.look())
+            runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
+
+    def _start_bag_over(self) -> None:
+        if self._runner is not None:
+            self._bag.start_over(self._runner.twin)
+
+    def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+        given = {name: self._value(name) for name in ("use_sim_time", "publish_clock")}
+        given |= {change.name: change.value for change in changes if change.name in given}
+        complaint = sim_time_complaint(**given)
+        if complaint:
+            return SetParametersResult(successful=False, reason=complaint)
+        return parameters.check(changes, configured=self._runner is not None)
+
+    def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
+        runner = self._runner
+        if runner is None:
+            return
+        changed = {change.name: change.value for change in changes if change.name in parameters.PARAMETERS}
+
+        def apply() -> None:
+            watchdog, pacer = runner.twin.watchdog, runner.pacer
+            watchdog.timeout = changed.get("command_timeout", watchdog.timeout)
+            watchdog.wrench_timeout = changed.get("wrench_timeout", watchdog.wrench_timeout)
+            runner.duration = changed.get("duration", runner.duration)
+            if "real_time_factor" in changed:
+                pacer.real_time_factor = changed["real_time_factor"]
+                pacer.tolerance = tolerance(runner.twin.publish_rate, pacer.real_time_factor)
+                pacer.lift()
+
+        runner.hand_in(apply)
+
+
+def _warm_up(twin: Twin) -> None:
+    # Kernels are compiled or loaded at their first use: before the clock runs, not in its first period.
+    try:
+        twin.simulation.advance_to(1.0 / twin.publish_rate)
+    except DivergenceError:
+        pass  # it will diverge again when the clock runs, and be told then
+    twin.reset()

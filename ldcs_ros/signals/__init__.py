@@ -1,0 +1,17 @@
+"""What the topics of a bag mean: the mapping file of a rig, and the names that this project writes itself."""
+
+from __future__ import annotations
+
+from ldcs_ros.signals.errors import MappingError
+from ldcs_ros.signals.guess import guess_mapping
+from ldcs_ros.signals.load import load_mapping
+from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
+
+__all__ = [
+    "CommandSource",
+    "Mapping",
+    "MappingError",
+    "MeasurementSource",
+    "guess_mapping",
+    "load_mapping",
+]

@@ -1,0 +1,119 @@
+"""Values out of messages of any type: the usual field of each type, or a path such as `pressures.value`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.signals.errors import MappingError
+from ldcs_ros.signals.units import STANDARD_ATMOSPHERE
+
+FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+# Type -> path of the scalar or array that a rig sends with it.
+VALUES = {
+    **{
+        f"std_msgs/msg/{number}{shape}": "data"
+        for number in ("Float64", "Float32", "Int64", "Int32", "Int16", "UInt64", "UInt32", "UInt16", "UInt8")
+        for shape in ("", "MultiArray")
+    },
+    FLUID_PRESSURE: "fluid_pressure",
+    "sensor_msgs/msg/JointState": "effort",
+}
+# Type -> path of the position (x, y, z).
+POSITIONS = {
+    "geometry_msgs/msg/PoseStamped": "pose.position",
+    "geometry_msgs/msg/Pose": "position",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose.position",
+    "geometry_msgs/msg/PointStamped": "point",
+    "geometry_msgs/msg/Point": "",
+    "geometry_msgs/msg/Vector3Stamped": "vector",
+    "geometry_msgs/msg/TransformStamped": "transform.translation",
+    TRANSFORMS: "transform.translation",
+    "nav_msgs/msg/Odometry": "pose.pose.position",
+}
+
+
+def numbers(message: Any, path: str, message_type: str) -> np.ndarray:
+    """Return the numbers at a path of a message, shape (n,); '' stands for the usual field of the type.
+
+    A path is attribute names with dots between; a name that meets an array is taken of each of its elements.
+
+    Raises:
+        MappingError: The type has no usual field, there is no such field, or it holds no numbers.
+    """
+    if not path and message_type not in VALUES:
+        raise MappingError(
+            f"{message_type} has no usual field for a number; say which with 'field:', it has {_names(message)}"
+        )
+    value = at_path(message, path or VALUES[message_type])
+    try:
+        return np.atleast_1d(np.asarray(value, dtype=float)).ravel()
+    except (TypeError, ValueError) as error:
+        raise MappingError(f"field {path!r} of {message_type} holds no numbers") from error
+
+
+def position(message: Any, path: str, message_type: str, child: str) -> np.ndarray | None:
+    """Return the position in a message [its unit], shape (3,); None if it is of another child frame.
+
+    Raises:
+        MappingError: The type has no usual field, or there is no such field.
+    """
+    if message_type == TRANSFORMS:
+        message = next((one for one in message.transforms if child in ("", one.child_frame_id)), None)
+        if message is None:
+            return None
+    elif child and getattr(message, "child_frame_id", child) != child:
+        return None
+    if not path and message_type not in POSITIONS:
+        raise MappingError(
+            f"{message_type} has no usual field for a position; say which with 'field:', it has {_names(message)}"
+        )
+    value = at_path(message, path or POSITIONS[message_type])
+    if hasattr(value, "x"):
+        return np.array([value.x, value.y, value.z], dtype=float)
+    array = np.asarray(value, dtype=float).ravel()
+    if array.shape != (3,):
+        raise MappingError(f"field {path!r} of {message_type} holds {array.size} numbers, expected x, y, z")
+    return array
+
+
+def stamp(message: Any) -> int | None:
+    """Return the time in a message's header [ns], None if it has none or it was never set."""
+    header = getattr(message, "header", None)
+    if header is None and getattr(message, "transforms", None):
+        header = message.transforms[0].header
+    if header is None:
+        return None
+    time = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    return time or None
+
+
+def usual_offset(message_type: str, ambient: float = STANDARD_ATMOSPHERE) -> float:
+    """Return what to subtract for gauge pressure [Pa]: FluidPressure is absolute by its definition."""
+    return ambient if message_type == FLUID_PRESSURE else 0.0
+
+
+def at_path(message: Any, path: str) -> Any:
+    """Return what is at a dotted path of a message; MappingError names the part that is missing."""
+    value = message
+    for name in filter(None, path.split(".")):
+        if isinstance(value, (list, tuple)):
+            value = [_attribute(item, name, path) for item in value]
+        else:
+            value = _attribute(value, name, path)
+    return value
+
+
+def _attribute(value: Any, name: str, path: str) -> Any:
+    if not hasattr(value, name):
+        raise MappingError(
+            f"there is no field {name!r} on the path {path!r}; the message has {_names(value)}"
+        )
+    return getattr(value, name)
+
+
+def _names(message: Any) -> list[str]:
+    return [name for name in getattr(message, "__dataclass_fields__", {}) if not name.startswith("_")]

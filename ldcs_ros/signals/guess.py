@@ -1,0 +1,49 @@
+"""The mapping of a bag that nobody describes: topics under the names and types that this project gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ldcs_ros.signals.load import COMMANDS
+from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
+
+_COMMAND_TYPES = {
+    "pressure_command": "std_msgs/msg/Float64MultiArray",
+    "torque_command": "sensor_msgs/msg/JointState",
+    "external_wrench": "geometry_msgs/msg/WrenchStamped",
+}
+_POSE = "geometry_msgs/msg/PoseStamped"
+_TRANSFORM = "geometry_msgs/msg/TransformStamped"
+_PRESSURE = "sensor_msgs/msg/FluidPressure"
+# The driver of the tracker names its probes by number; the first one sits on P0, the second one on P1.
+_PROBES = {"trakstar0": "P0", "trakstar1": "P1"}
+
+
+def guess_mapping(recording: Any) -> Mapping:
+    """Return the mapping that names and types suggest; it may be empty."""
+    commands, measurements = [], []
+    for topic, info in sorted(recording.topics.items()):
+        parts = topic.strip("/").split("/")
+        if parts[-1] in COMMANDS and info.type == _COMMAND_TYPES[parts[-1]]:
+            commands.append(CommandSource(topic, parts[-1]))
+        elif info.type == _POSE and parts[-1] == "pose" and len(parts) > 1 and "truth" not in parts:
+            measurements.append(MeasurementSource(topic, parts[-2]))
+        elif info.type == _PRESSURE and parts[-1] == "pressure" and len(parts) > 1:
+            measurements.append(MeasurementSource(topic, f"{parts[-2]}/pressure"))
+    measured = {source.to for source in measurements}
+    for topic, info in sorted(recording.topics.items()):
+        if info.type == _TRANSFORM and topic.endswith("trakstar_msg"):
+            measurements += [
+                MeasurementSource(topic, point, child=probe)
+                for probe, point in _PROBES.items()
+                if point not in measured
+            ]
+    return Mapping(tuple(commands), tuple(_one_each(measurements)))
+
+
+def _one_each(measurements: list[MeasurementSource]) -> list[MeasurementSource]:
+    # A bridge reports its rig under `rig/P0/pose` beside the twin's own `P0/pose`: the shorter name is its own.
+    chosen: dict[str, MeasurementSource] = {}
+    for source in sorted(measurements, key=lambda source: -source.topic.count("/")):
+        chosen[source.to] = source
+    return list(chosen.values())

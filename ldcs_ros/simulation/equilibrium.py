@@ -1,0 +1,60 @@
+"""The static solver: the state in which all forces balance, without following the motion to it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ldcs_ros.errors import DivergenceError
+from ldcs_ros.integrators.implicit.system import LinearSystem
+from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.model import Model
+
+MOST_ITERATIONS = 2000
+FIRST_STEP, LARGEST_STEP = 0.02, 1e4  # s of pseudo-time
+BALANCED = 1e-12  # m: a Newton step below it is rounding
+
+
+def rest_state(model: Model, q: np.ndarray, time: float, inputs: HeldInputs) -> np.ndarray:
+    """Return the coordinates at which the forces of constant inputs balance.
+
+    Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as
+    the steps shrink, so it creeps like the damped sheet far from rest and is Newton's method near it. A step
+    moves no node by more than half a spacing.
+
+    Args:
+        model: The model.
+        q: Where to start [m, rad].
+        time: At which the prescribed coordinates are taken [s].
+        inputs: What is commanded.
+
+    Raises:
+        DivergenceError: No balance was found; nothing holds the sheet, for example.
+    """
+    system = LinearSystem(model)
+    q, u = q.copy(), np.zeros_like(q)
+    model.prescribe(time, q, u)
+    u[:] = 0.0
+    reach = 0.5 * min(model.lattice.spacing)
+    h, before = FIRST_STEP, np.inf
+    for _ in range(MOST_ITERATIONS):
+        force = model.force(time, q, u, inputs)
+        try:
+            move = h * h * system.factor(time, q, u, inputs, h).solve(force)
+        except np.linalg.LinAlgError as error:
+            raise DivergenceError(f"no rest state: {error}; check the scene's stiffness and loads") from error
+        largest = float(np.max(np.abs(move)))
+        if not np.isfinite(largest) or largest > reach:
+            h = max(1e-6, h * (0.5 if not np.isfinite(largest) else max(0.1, 0.7 * np.sqrt(reach / largest))))
+            if not np.isfinite(largest):
+                continue
+            move *= reach / largest
+        else:
+            h = min(LARGEST_STEP, h * (2.0 if largest < before else 1.1))
+        q[model.free] += move
+        if largest < BALANCED and h > 10.0:
+            return q
+        before = largest
+    raise DivergenceError(
+        f"no rest state was found in {MOST_ITERATIONS} iterations, the last one still moved a node by {before:.2g} m; "
+        f"is there an effect that holds the sheet (clamp, floor, driven_edges)? Simulate it in time instead"
+    )

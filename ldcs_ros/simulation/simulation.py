@@ -1,0 +1,359 @@
+"""`Simulation`: a model, its integrator and its inputs, advanced in time; the only object that changes."""
+
+from __future__ import annotations
+
+import math
+import time as wall_clock
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ldcs_ros.errors import CommandError, SceneError, SolverError
+from ldcs_ros.integrators import integrator_class
+from ldcs_ros.integrators.base import Counters, Step
+from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.model import Model, Motion
+from ldcs_ros.physics.points import Point, point_at
+from ldcs_ros.physics.state import State
+from ldcs_ros.simulation.inputs import Inputs
+from ldcs_ros.simulation.threads import one_thread
+
+if TYPE_CHECKING:
+    from ldcs_ros.scene.scene import Scene
+
+DEFAULT_INTEGRATOR = "esdirk43"
+# Events closer than this are one: 0.34 + 0.02 and 0.36 differ by rounding, and no step fits between them [s].
+SAME_TIME = 1e-9
+
+
+@dataclass
+class Statistics:
+    """What a run has cost and how exact it was.
+
+    Attributes:
+        steps: Accepted steps.
+        rejected_steps: Steps taken again with a smaller size.
+        evaluations: Force evaluations.
+        factorisations: Matrices factored.
+        solves: Linear systems solved.
+        error_estimate: Largest estimated error of a node position so far [m]; 0 with a fixed step.
+        wall_time: Time spent in `advance_to` [s].
+    """
+
+    steps: int = 0
+    rejected_steps: int = 0
+    evaluations: int = 0
+    factorisations: int = 0
+    solves: int = 0
+    error_estimate: float = 0.0
+    wall_time: float = 0.0
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+class Simulation:
+    """The twin of one scene.
+
+    Integration steps follow the motion, not the caller: `advance_to` integrates past the asked time if that
+    is cheaper and evaluates the step inside, so how often one looks does not change the answer. A command
+    acts at the time that was last advanced to.
+
+    Args:
+        scene: What to simulate.
+
+    Raises:
+        SceneError: The scene's effects do not fit together.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        try:
+            self.model = Model(scene.lattice, scene.points, scene.effects, scene.material)
+        except ValueError as error:
+            raise SceneError(f"{error} @ effects") from error
+        if not self.model.free.size:
+            raise SceneError("every coordinate is prescribed, nothing can move; free some nodes @ effects")
+        self.inputs = Inputs(self.model, lambda: self.time)
+        solver = scene.solver
+        method = integrator_class(DEFAULT_INTEGRATOR if solver.integrator == "auto" else solver.integrator)
+        self.integrator = method(self.model)
+        self.accuracy = solver.accuracy
+        self._control: AdaptiveSteps | FixedSteps
+        if solver.accuracy is not None:
+            self._control = AdaptiveSteps(self.integrator, solver.accuracy)
+        elif solver.dt is not None:
+            self._control = FixedSteps(self.integrator, solver.dt)
+        self._fresh = self.integrator.memory
+        self.statistics = Statistics()
+        # A command that will be refused in ten minutes is refused now.
+        self.time, self._next_command = 0.0, 0
+        self._run_schedule(math.inf)
+        self.reset()
+
+    def reset(self, state: State | None = None) -> None:
+        """Go back to the scene's start, or to a state that this simulation had, and go on from it to the bit."""
+        if state is not None:
+            self._restore(state)
+            return
+        self.time = 0.0
+        self._next_command = 0
+        self.inputs.clear()
+        self.integrator.recall(self._fresh)
+        self.integrator.counters = Counters()
+        self.statistics = Statistics()
+        q, u = self.model.rest()
+        self._begin(q, u)
+        self._run_schedule(0.0)
+        limit = self.integrator.stability_limit(self._step.right, self.inputs.held())
+        dt = self.scene.solver.dt
+        if dt is not None and dt > limit:
+            raise SolverError(
+                f"dt = {dt:g} s is above the stability limit {limit:.3g} s of {self.integrator.name} for this scene; "
+                f"reduce dt or use an implicit integrator @ solver.dt"
+            )
+
+    def start_from(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray | None = None,
+        *,
+        link_angle: np.ndarray | None = None,
+        link_rate: np.ndarray | None = None,
+    ) -> None:
+        """Put the sheet into a given shape at the present time and go on from there, commands kept.
+
+        What an effect prescribes (clamped nodes, driven edges) stays where it holds it. A state that this
+        simulation had goes to `reset` instead, which resumes it to the bit.
+
+        Args:
+            position: Node positions in ldcs_base [m], shape (n_nodes, 3).
+            velocity: Node velocities in ldcs_base [m/s], same shape; None for a sheet at rest.
+            link_angle: Link angles [rad], shape (n_arms, n_links); None for straight arms.
+            link_rate: Their rates [rad/s], same shape; None for arms at rest.
+
+        Raises:
+            ValueError: A shape is wrong or a number is not finite; nothing changed.
+        """
+        q, u = self.model.rest()
+        n = 3 * self.lattice.n_nodes
+        for name, value, target, shape in (
+            ("position", position, q[:n], (self.lattice.n_nodes, 3)),
+            ("velocity", velocity, u[:n], (self.lattice.n_nodes, 3)),
+            ("link_angle", link_angle, q[n:], (len(self.arm_names), self.model.n_angles // 2)),
+            ("link_rate", link_rate, u[n:], (len(self.arm_names), self.model.n_angles // 2)),
+        ):
+            if value is None:
+                continue
+            array = np.asarray(value, dtype=float)
+            if array.shape != shape or not np.isfinite(array).all():
+                got = f"shape {array.shape}" if array.shape != shape else "a number that is not finite"
+                raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
+            target[:] = array.ravel()
+        self.model.prescribe(self.time, q, u)
+        self.integrator.recall(self._fresh)
+        self._begin(q, u)
+
+    def advance_to(self, time: float) -> None:
+        """Advance to a simulation time [s]; commands and valves act at their own times on the way.
+
+        Raises:
+            ValueError: The time is not finite, or before the present.
+            DivergenceError: A step could not be taken; the state stays at the last good one.
+        """
+        if not math.isfinite(time) or time < self.time:
+            raise ValueError(f"cannot advance to {time!r} s, expected a time of at least {self.time:.9g} s")
+        started = wall_clock.perf_counter()
+        try:
+            with one_thread():
+                self._advance(time)
+        finally:
+            self._count(wall_clock.perf_counter() - started)
+
+    @property
+    def state(self) -> State:
+        """The state at the present time."""
+        motion = self._motion()
+        n = 3 * self.lattice.n_nodes
+        arms = (2, -1) if self.model.n_angles else (0, 0)
+        # A command that nobody has advanced past yet is waiting to act.
+        waiting = self._seen != self.inputs.version
+        rhythm = (self._commanded, self._expected)
+        memory = (self._step, self._pace, self._held, waiting, self._next_command, rhythm)
+        return State(
+            time=self.time,
+            position=motion.q[:n].reshape(-1, 3),
+            velocity=motion.u[:n].reshape(-1, 3),
+            link_angle=motion.q[n:].reshape(arms),
+            link_rate=motion.u[n:].reshape(arms),
+            pressure=self.inputs.chamber_pressure(self.time),
+            memory=(memory, self.inputs.snapshot(), self.integrator.memory),
+        )
+
+    @property
+    def last_step(self) -> Step:
+        """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
+        return self._step
+
+    @property
+    def lattice(self) -> Lattice:
+        """The lattice."""
+        return self.scene.lattice
+
+    @property
+    def points(self) -> dict[str, Point]:
+        """The scene's named points."""
+        return self.scene.points
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that were built."""
+        return tuple(effect.name for effect in self.model.effects)
+
+    @property
+    def arm_names(self) -> tuple[str, ...]:
+        """('left', 'right'), or () without arms."""
+        return ("left", "right") if self.model.arms is not None else ()
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the arms' joints, left arm first, base to tip; () without arms."""
+        if self.model.arms is None:
+            return ()
+        links: int = self.model.arms.n_links  # type: ignore[attr-defined]
+        return tuple(f"{arm}_joint_{k + 1}" for arm in self.arm_names for k in range(links))
+
+    @property
+    def joint_torque(self) -> np.ndarray:
+        """Present drive torque of each joint [N m], shape (n_arms, n_links)."""
+        if self.model.arms is None:
+            return np.zeros((0, 0))
+        torque: np.ndarray = self.model.arms.drive_torque(self.time, self.inputs.held())  # type: ignore[attr-defined]
+        return torque
+
+    def pose(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return position [m] and orientation (unit quaternion x, y, z, w) of a point or `node_<layer>_<i>_<j>`."""
+        return point_at(self.lattice, name, self.points).pose(self.state.position)
+
+    def energy(self) -> tuple[float, float]:
+        """Return the kinetic and the potential (elastic and gravitational) energy [J]."""
+        motion = self._motion()
+        return self.model.kinetic_energy(motion.q, motion.u), self.model.potential_energy(self.time, motion.q)
+
+    def settle(self) -> None:
+        """Move to the state in which the scene comes to rest: schedule and smooth rises done, chambers filled.
+
+        Raises:
+            DivergenceError: No rest state was found (nothing holds a free sheet, for example); nothing
+                changed.
+        """
+        from ldcs_ros.simulation.equilibrium import rest_state
+
+        before = self.state
+        time = max([self.time, *(command.time for command in self.scene.inputs), *self.model.breakpoints])
+        try:
+            self.time = time
+            self._run_schedule(time)
+            self.inputs.settle()
+            q, u = self.model.rest()
+            q[self.model.free] = self._step.at(before.time, self.model).q[self.model.free]
+            with one_thread():
+                q = rest_state(self.model, q, time, self.inputs.held())
+        except Exception:
+            self.reset(before)
+            raise
+        self._begin(q, np.zeros_like(u))
+
+    # -- inside
+    # ---------------------------------------------------------------------------------------------------
+
+    def _begin(self, q: np.ndarray, u: np.ndarray) -> None:
+        self._held, self._seen = self.inputs.held(), self.inputs.version
+        motion = self.integrator.start(self.time, q, u, self._held)
+        self._step = Step(motion, motion, 0.0)
+        self._pace: Pace = self._control.first(motion)
+        self._commanded, self._expected = -math.inf, math.inf
+
+    def _advance(self, time: float) -> None:
+        self._take_commands()
+        while True:
+            event = self._next_event()
+            stop = time if event > time - SAME_TIME else event
+            self._integrate_to(stop)
+            self.time = stop
+            if event > time + SAME_TIME:
+                break
+            self._run_events(stop)
+
+    def _motion(self) -> Motion:
+        return self._step.at(self.time, self.model)
+
+    def _integrate_to(self, stop: float) -> None:
+        while self._step.right.time < stop - SAME_TIME:
+            start = self._step.right
+            corners = (self._next_event(), self._expected, *self.model.breakpoints)
+            barrier = min((time for time in corners if time > start.time + SAME_TIME), default=math.inf)
+            opening = start.time == self._commanded
+            step, pace = self._control.advance(start, self._held, self._pace, barrier, opening=opening)
+            self._step = step
+            self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
+            self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
+
+    def _take_commands(self) -> None:
+        # A command acts now: drop what was integrated past now, and keep the smooth part of the acceleration.
+        if self.inputs.version == self._seen:
+            return
+        motion, held = self._motion(), self.inputs.held()
+        if motion.time != self.time:
+            motion = Motion(self.time, motion.q, motion.u, motion.a)
+        before = self.model.accelerate(self.time, motion.q, motion.u, self._held)
+        after = self.model.accelerate(self.time, motion.q, motion.u, held)
+        jump = after - before
+        lasting = motion.a + self.integrator.soften(motion, jump)
+        motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
+        self._held, self._seen = held, self.inputs.version
+        self._step = Step(motion, motion, 0.0)
+        # Whoever commands at a steady rate will do so again: no step past that time is worth taking.
+        self._expected, self._commanded = 2.0 * self.time - self._commanded, self.time
+
+    def _next_event(self) -> float:
+        schedule = self.scene.inputs
+        scheduled = schedule[self._next_command].time if self._next_command < len(schedule) else math.inf
+        return min(scheduled, self.inputs.next_switch())
+
+    def _run_events(self, time: float) -> None:
+        while self.inputs.next_switch() <= time + SAME_TIME:
+            self.inputs.switch()
+        self._run_schedule(time)
+        self._take_commands()
+
+    def _run_schedule(self, time: float) -> None:
+        schedule = self.scene.inputs
+        while self._next_command < len(schedule) and schedule[self._next_command].time <= time + SAME_TIME:
+            index, self._next_command = self._next_command, self._next_command + 1
+            try:
+                self.inputs.follow(schedule[index])
+            except CommandError as error:
+                raise SceneError(f"{error} @ inputs[{index}]") from error
+
+    def _restore(self, state: State) -> None:
+        if state.memory is None:
+            raise ValueError(
+                "this state was not made by a simulation; reset() without it goes to the scene's start"
+            )
+        memory, inputs, integrator = state.memory
+        self._step, self._pace, self._held, waiting, self._next_command, rhythm = memory
+        self._commanded, self._expected = rhythm
+        self.time = state.time
+        self.inputs.restore(inputs)
+        self._seen = -1 if waiting else self.inputs.version
+        self.integrator.recall(integrator)
+
+    def _count(self, wall_time: float) -> None:
+        counters = self.integrator.counters
+        for name in ("steps", "rejected_steps", "evaluations", "factorisations", "solves"):
+            setattr(self.statistics, name, getattr(counters, name))
+        self.statistics.wall_time += wall_time

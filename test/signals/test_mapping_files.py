@@ -1,0 +1,91 @@
+"""A mapping file is understood or refused whole, with the key that is wrong."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from ldcs_ros.signals import MappingError, guess_mapping, load, load_mapping
+from ldcs_ros.signals.load import parse_mapping
+
+
+def test_the_example_in_the_documentation_is_a_mapping(tmp_path):
+    text = load.__doc__.split("\n\n", 1)[1]
+    (tmp_path / "map.yaml").write_text(re.sub(r"^    ", "", text, flags=re.MULTILINE))
+    mapping = load_mapping(tmp_path / "map.yaml")
+    assert [source.to for source in mapping.commands] == [
+        "pressure_command",
+        "pressure_command",
+        "external_wrench",
+    ]
+    assert mapping.commands[0].scale == 100.0 and mapping.commands[0].arms == ("right", "left")
+    assert mapping.commands[1].offset == 0.0 and mapping.commands[0].offset is None
+    assert [source.to for source in mapping.measurements] == ["P0", "left/pressure"]
+    assert mapping.measurements[0].scale == 1e-3 and mapping.measurements[1].index == 0
+
+
+VALVES = {"topic": "/valves", "to": "pressure_command"}
+TRACKER = {"topic": "/tracker", "to": "P0"}
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "expected a mapping with keys out of"),
+        ([], "expected a mapping with keys out of"),
+        ({}, "nothing is mapped"),
+        ({"command": []}, "unknown key 'command'"),
+        ({"commands": {}}, "nothing is mapped"),
+        ({"commands": "x"}, "expected a list @ commands"),
+        ({"commands": ["x"]}, r"@ commands\[0\]"),
+        ({"commands": [{"to": "pressure_command"}]}, "missing key 'topic'"),
+        ({"commands": [{**VALVES, "to": "pressure"}]}, "expected one of .*pressure_command"),
+        ({"commands": [{**VALVES, "unit": "mm"}]}, r"'mbar'.*@ commands\[0\].unit"),
+        ({"commands": [{**VALVES, "arms": ["left", "left"]}]}, "two different arms"),
+        ({"commands": [{**VALVES, "arms": ["middle"]}]}, "expected one of"),
+        ({"commands": [{**VALVES, "absolute": "yes"}]}, "expected true or false"),
+        ({"commands": [VALVES], "time": "now"}, "'log', 'stamp'"),
+        ({"commands": [VALVES], "late": -1}, "at least 0"),
+        ({"commands": [VALVES], "gap": 0}, "@ gap"),
+        ({"measurements": [{**TRACKER, "to": "a/b"}]}, "expected a point such as P0"),
+        ({"measurements": [{**TRACKER, "rotation": [0, 0, 0, 2]}]}, "unit quaternion"),
+        ({"measurements": [{**TRACKER, "translation": [0, 0]}]}, "expected 3 numbers"),
+        ({"measurements": [{**TRACKER, "index": -1}]}, "whole number"),
+        ({"measurements": [{**TRACKER, "topic": 3}]}, "expected text"),
+    ],
+)
+def test_a_wrong_key_or_value_is_named(content, reason):
+    with pytest.raises(MappingError, match=reason) as caught:
+        parse_mapping(content)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_none_is_refused(tmp_path):
+    (tmp_path / "bad.yaml").write_text("commands: [")
+    with pytest.raises(MappingError, match="no YAML"):
+        load_mapping(tmp_path / "bad.yaml")
+    with pytest.raises(MappingError, match="No such file"):
+        load_mapping(tmp_path / "none.yaml")
+
+
+class Bag:
+    """A recording's topics by type."""
+
+    def __init__(self, **topics):
+        self.topics = {name: SimpleNamespace(type=kind) for name, kind in topics.items()}
+
+
+def test_our_own_names_need_no_file_and_a_bridges_report_of_its_rig_is_not_the_measurement():
+    pose, fluid = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/FluidPressure"
+    topics = {"/a/P0/pose": pose, "/a/rig/P0/pose": pose, "/a/truth/P0/pose": pose, "/a/left/pressure": fluid}
+    driver = {"/trakstar_msg": "geometry_msgs/msg/TransformStamped", "/a/pressure_command": fluid}
+    mapping = guess_mapping(Bag(**topics, **driver))
+    found = {source.to: (source.topic, source.child) for source in mapping.measurements}
+    assert found == {
+        "P0": ("/a/P0/pose", ""),
+        "P1": ("/trakstar_msg", "trakstar1"),
+        "left/pressure": ("/a/left/pressure", ""),
+    }
+    assert not mapping.commands, "of another type"

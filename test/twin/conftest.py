@@ -1,0 +1,25 @@
+"""Fixtures of the interface tests: a twin on rails, and everything that it emitted."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from fake_scene import Collector, RailScene  # noqa: E402
+
+from ldcs_ros.twin.twin import Twin  # noqa: E402
+
+
+@pytest.fixture
+def run():
+    """Return a twin on rails and the list of what it emits."""
+
+    def build(scene=None, **options):
+        collected = Collector()
+        return Twin(scene or RailScene(), sinks=[collected], **options), collected
+
+    return build
