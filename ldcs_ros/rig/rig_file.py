@@ -59,7 +59,7 @@ class TopicSettings:
 
 def shipped_rigs() -> dict[str, Path]:
     """Return the shipped rig files by name."""
-    folder = Path(str(importlib.resources.files("ldcs_ros"))) / "bridge" / "rigs"
+    folder = Path(str(importlib.resources.files("ldcs_ros"))) / "rig" / "rigs"
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 

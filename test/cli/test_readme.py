@@ -72,7 +72,7 @@ def test_the_steps_of_the_readme_come_in_their_order():
 def test_the_rooms_are_those_of_the_package():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     tree = page.split("    ldcs_ros/\n")[1].split("\n\n")[0]
-    named = set(re.findall(r"([a-z]+)/", tree))
+    named = set(re.findall(r"([a-z_]+)/", tree))
     real = {path.name for path in (ROOT / "ldcs_ros").iterdir() if path.is_dir() and not path.is_symlink()}
     assert {name for name in real if name[0] not in "._"} <= named
 

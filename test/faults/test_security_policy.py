@@ -107,7 +107,7 @@ def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
     sim = LiveNode(tmp_path / "sim.log", domain, scene="rig", publish_clock=True, use_sim_time=True)
     others = [
         subprocess.Popen(
-            [sys.executable, "-m", f"ldcs_ros.ros.{module}", "--ros-args", *arguments],
+            [sys.executable, "-m", f"ldcs_ros.ros.rig.{module}", "--ros-args", *arguments],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -21,7 +21,7 @@ class Process:
 
     def __init__(self, module, log, domain, **parameters):
         self.log = log
-        command = [sys.executable, "-m", f"ldcs_ros.ros.{module}", "--ros-args"]
+        command = [sys.executable, "-m", f"ldcs_ros.ros.rig.{module}", "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         with open(log, "w") as stream:
