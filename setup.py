@@ -64,10 +64,10 @@ setup(
     entry_points={
         "console_scripts": [
             "ldcs = ldcs_ros.cli.main:main",
-            "bridge = ldcs_ros.ros.rig.bridge_node:main",
-            "live_view = ldcs_ros.ros.common.live_view:main",
-            "mock_rig = ldcs_ros.ros.rig.mock_rig_node:main",
-            "sim = ldcs_ros.ros.sim.sim_node:main",
+            "bridge = ldcs_ros.ros.__main__:bridge",
+            "live_view = ldcs_ros.ros.live_view:main",
+            "mock_rig = ldcs_ros.ros.__main__:mock_rig",
+            "sim = ldcs_ros.ros.__main__:sim",
         ],
     },
     zip_safe=False,

@@ -27,6 +27,10 @@ class RecordingError(LdcsError, OSError):
     """A bag cannot be opened, written or mended."""
 
 
+class MappingError(LdcsError, ValueError):
+    """A mapping file is invalid, or a message is not what it says."""
+
+
 class BridgeError(LdcsError, ValueError):
     """A rig file, a mode or a command of the bridge is not sound: nothing was sent."""
 

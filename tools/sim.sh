@@ -31,6 +31,6 @@ fi
 
 mkdir -p "$(dirname "$record")"
 export PYTHONUNBUFFERED=1
-exec .venv/bin/python -m ldcs_ros.ros.sim.sim_node --ros-args \
+exec .venv/bin/python -m ldcs_ros.ros sim --ros-args \
     -p scene:="$(text "$scene")" -p record:="$(text "$record")" \
     -p real_time_factor:="$real_time_factor" -p duration:="$duration"

@@ -127,7 +127,7 @@ def _run_live(arguments: argparse.Namespace) -> int:
     words += ["--no-browser"] if arguments.no_browser else []
     words += ["--json"] if arguments.json else []
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "ldcs_ros.ros.common.live_view", *words])
+    os.execv(sys.executable, [sys.executable, "-m", "ldcs_ros.ros", "live_view", *words])
 
 
 def _tell(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.signals.errors import MappingError
+from ldcs_ros.errors import MappingError
 from ldcs_ros.signals.units import STANDARD_ATMOSPHERE
 
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"

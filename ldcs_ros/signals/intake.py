@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import MappingError, RecordingError
 from ldcs_ros.signals import fields
-from ldcs_ros.signals.errors import MappingError
 
 # Stamps that are further than this from the recorder's time are of another clock [ns].
 _ANOTHER_CLOCK = 1_000_000_000

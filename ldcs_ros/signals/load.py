@@ -21,9 +21,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+from ldcs_ros.errors import MappingError
 from ldcs_ros.schema.reader import Checks
 from ldcs_ros.signals import units
-from ldcs_ros.signals.errors import MappingError
 from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
 
 ARMS = ("left", "right")

@@ -12,7 +12,7 @@ import numpy as np
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import nanoseconds
-from ldcs_ros.messages.diagnostics import Status, diagnostic_array, twin_statuses
+from ldcs_ros.messages.diagnostics import Status, diagnostic_array
 from ldcs_ros.messages.frames import Frames
 from ldcs_ros.messages.solver_status import SolverReport
 from ldcs_ros.messages.topics import TOPICS, Topic
@@ -20,6 +20,7 @@ from ldcs_ros.sensors import Ticks
 from ldcs_ros.twin.commands import Commands, Refusal
 from ldcs_ros.twin.outputs import Outputs
 from ldcs_ros.twin.sensing import Sensing
+from ldcs_ros.twin.status import twin_statuses
 from ldcs_ros.twin.vent import RAMP_TIME, VentRamp
 from ldcs_ros.twin.watchdog import Watchdog
 from ldcs_ros.twin.wrench_course import WrenchCourses

@@ -107,14 +107,14 @@ def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
     sim = LiveNode(tmp_path / "sim.log", domain, scene="rig", publish_clock=True, use_sim_time=True)
     others = [
         subprocess.Popen(
-            [sys.executable, "-m", f"ldcs_ros.ros.rig.{module}", "--ros-args", *arguments],
+            [sys.executable, "-m", "ldcs_ros.ros", program, "--ros-args", *arguments],
             env=environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        for module, arguments in {
-            "bridge_node": ("-p", "rig:=controller_topics", "-p", "mode:=mirror"),
-            "mock_rig_node": (),
+        for program, arguments in {
+            "bridge": ("-p", "rig:=controller_topics", "-p", "mode:=mirror"),
+            "mock_rig": (),
         }.items()
     ]
     graph = user.node
@@ -172,7 +172,7 @@ def test_a_middleware_without_security_refuses_to_run_when_it_is_enforced(tmp_pa
         "ROS_SECURITY_KEYSTORE": str(tmp_path),
         "ROS_DOMAIN_ID": str(own_domain()),
     }
-    command = [sys.executable, "-m", "ldcs_ros.ros.sim.sim_node", "--ros-args", "--enclave", "/ldcs/ldcs_sim"]
+    command = [sys.executable, "-m", "ldcs_ros.ros", "sim", "--ros-args", "--enclave", "/ldcs/ldcs_sim"]
     done = subprocess.run(command, env={**os.environ, **settings}, capture_output=True, text=True, timeout=30)
     # A distribution with DDS-Security refuses as well: there are no keys in this keystore.
     assert done.returncode == 2

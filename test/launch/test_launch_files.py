@@ -192,7 +192,7 @@ def test_the_real_launch_runs_the_twin_to_its_end(tmp_path):
         (prefix / folder).mkdir(parents=True)
     (prefix / "share/ament_index/resource_index/packages/ldcs_ros").touch()
     sim = prefix / "lib/ldcs_ros/sim"
-    sim.write_text(f'#!/bin/sh\nexec {sys.executable} -m ldcs_ros.ros.sim.sim_node "$@"\n')
+    sim.write_text(f'#!/bin/sh\nexec {sys.executable} -m ldcs_ros.ros sim "$@"\n')
     sim.chmod(0o755)
     program = f"""
 import sys

@@ -22,7 +22,7 @@ ALLOWED = {
     "scene": CORE - {"scene"},
     "sensors": {"errors", "schema"},
     "bags": {"errors"},
-    "messages": CORE | {"sensors", "bags", "twin"},
+    "messages": CORE | {"sensors", "bags"},
     "twin": CORE | {"sensors", "bags", "messages"},
     "signals": CORE | {"bags", "messages"},
     "plotting": CORE | {"bags", "messages", "signals"},

@@ -19,9 +19,9 @@ RIG, BRIDGE = "/mock_rig", "/ldcs/ldcs_bridge"
 class Process:
     """A node in its own process group."""
 
-    def __init__(self, module, log, domain, **parameters):
+    def __init__(self, program, log, domain, **parameters):
         self.log = log
-        command = [sys.executable, "-m", f"ldcs_ros.ros.rig.{module}", "--ros-args"]
+        command = [sys.executable, "-m", "ldcs_ros.ros", program, "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]
         with open(log, "w") as stream:
@@ -52,7 +52,7 @@ class Pair:
         self.domain = own_domain()
         self.rig_file = folder / "rig.yaml"
         self.rig = Process(
-            "mock_rig_node",
+            "mock_rig",
             folder / "rig.log",
             self.domain,
             transport=transport,
@@ -65,7 +65,7 @@ class Pair:
         self.user.listen("/mock_rig/chambers", "std_msgs/Float64MultiArray")
         self.user.until(self.rig_file.exists, 20.0)
         self.bridge = Process(
-            "bridge_node",
+            "bridge",
             folder / "bridge.log",
             self.domain,
             rig=self.rig_file,

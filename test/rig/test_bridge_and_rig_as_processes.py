@@ -156,7 +156,7 @@ def test_bad_input_is_one_line_and_exit_status_two(tmp_path):
         ({"rig": "controller_topics", "mode": "lively"}, "unknown mode 'lively'"),
         ({"rig": "controller_topics", "publish_rate": 0.0}, "publish_rate"),
     ):
-        node = Process("bridge_node", tmp_path / "bad.log", own_domain(), **parameters)
+        node = Process("bridge", tmp_path / "bad.log", own_domain(), **parameters)
         try:
             assert node.process.wait(20.0) == 2
         finally:

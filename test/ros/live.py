@@ -37,7 +37,7 @@ class LiveNode:
     def __init__(self, log, domain, *, program=None, arguments=(), **parameters):
         self.log = log
         self.domain = domain
-        module = ["-m", "ldcs_ros.ros.sim.sim_node"] if program is None else [str(program)]
+        module = ["-m", "ldcs_ros.ros", "sim"] if program is None else [str(program)]
         command = [sys.executable, *module, "--ros-args", *arguments]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={str(value).lower() if isinstance(value, bool) else value}"]

@@ -137,7 +137,7 @@ def test_a_parameter_with_a_slip_in_its_name_is_told(start):
 
 
 def test_arguments_that_ros_refuses_are_one_line_and_exit_2(tmp_path):
-    command = [sys.executable, "-m", "ldcs_ros.ros.sim.sim_node", "--ros-args", "-p", "scene"]
+    command = [sys.executable, "-m", "ldcs_ros.ros", "sim", "--ros-args", "-p", "scene"]
     result = subprocess.run(command, capture_output=True, text=True, timeout=20)
     assert result.returncode == 2
     assert result.stderr.splitlines()[-1].startswith("sim: ")

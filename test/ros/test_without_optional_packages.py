@@ -10,8 +10,8 @@ import pytest
 PROGRAM = """\
 import sys
 sys.modules.update(dict.fromkeys(['ldcs_msgs', 'simulation_interfaces']))
-from ldcs_ros.ros.sim.sim_node import main
-sys.exit(main())
+from ldcs_ros.ros.__main__ import sim
+sys.exit(sim())
 """
 
 

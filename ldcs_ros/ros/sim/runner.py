@@ -13,8 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import DivergenceError
-from ldcs_ros.ros.sim.pace_meter import PaceMeter
-from ldcs_ros.ros.sim.pacing import Pacer
+from ldcs_ros.ros.sim.pacing import PaceMeter, Pacer
 from ldcs_ros.twin.commands import Refusal
 from ldcs_ros.twin.twin import Twin
 

@@ -1,0 +1,66 @@
+"""The programs of `ros2 run ldcs_ros`; `python -m ldcs_ros.ros PROGRAM` runs the same without an installation.
+
+Each node's module is imported late: rclpy takes a second to load, and a signal meanwhile must find its handler.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+from ldcs_ros.ros.common.node_process import run
+from ldcs_ros.ros.live_view import main as live_view
+
+
+def sim(arguments: list[str] | None = None) -> int:
+    """Run the live twin until its duration is over, Ctrl-C or SIGTERM; return the exit status."""
+
+    def load() -> Callable[[], object]:
+        from ldcs_ros.ros.sim.simulation_node import SimulationNode
+
+        return SimulationNode.started
+
+    return run("sim", load, arguments)
+
+
+def bridge(arguments: list[str] | None = None) -> int:
+    """Run the bridge to a rig until Ctrl-C or SIGTERM; return the exit status."""
+
+    def load() -> Callable[[], object]:
+        from ldcs_ros.ros.rig.rig_bridge import RigBridge
+
+        return RigBridge
+
+    return run("bridge", load, arguments)
+
+
+def mock_rig(arguments: list[str] | None = None) -> int:
+    """Run the mock rig until Ctrl-C or SIGTERM; return the exit status."""
+
+    def load() -> Callable[[], object]:
+        from ldcs_ros.ros.rig.stand_in_rig import StandInRig
+
+        return StandInRig
+
+    return run("mock_rig", load, arguments)
+
+
+PROGRAMS: dict[str, Callable[[list[str] | None], int]] = {
+    "bridge": bridge,
+    "live_view": live_view,
+    "mock_rig": mock_rig,
+    "sim": sim,
+}
+
+
+def main(words: list[str]) -> int:
+    """Run the program that the first word names with the others; return its exit status."""
+    if not words or words[0] not in PROGRAMS:
+        print(f"ldcs_ros.ros: got {words[:1]}, expected one of {', '.join(PROGRAMS)}", file=sys.stderr)
+        return 2
+    sys.argv = words  # rclpy reads the arguments of the process
+    return PROGRAMS[words[0]](None)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
