@@ -16,6 +16,7 @@ from ldcs_ros.messages.messages import pressure_command, wrench_command
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 from ldcs_ros.twin.watchdog import Watchdog
 
@@ -50,12 +51,12 @@ def chirp() -> tuple[Twin, Callable[[Twin], None]]:
             twin.receive("pressure_command", pressure_command(np.round([left, right])))
         twin.advance_to(5.5)
 
-    return Twin(without_schedule("rig"), accuracy=ACCURACY), command
+    return Twin(without_schedule("rig"), RunSettings(accuracy=ACCURACY)), command
 
 
 def impulse() -> tuple[Twin, Callable[[Twin], None]]:
     """The lifted sheet at rest, pushed down at the free edge with 1 N for 20 ms, left alone for 1.5 s."""
-    twin = Twin(load_scene("paper_no_load"), accuracy=ACCURACY)
+    twin = Twin(load_scene("paper_no_load"), RunSettings(accuracy=ACCURACY))
     twin.settle()
 
     def push(twin: Twin) -> None:
@@ -72,7 +73,7 @@ def fault() -> tuple[Twin, Callable[[Twin], None]]:
     """Commands that are refused, a sender that falls silent, the vent, refusals until somebody rearms."""
     now = [0.0]
     watchdog = Watchdog(lambda: now[0], timeout=0.3, wrench_timeout=0.2)
-    twin = Twin(without_schedule("rig"), accuracy=ACCURACY, watchdog=watchdog)
+    twin = Twin(without_schedule("rig"), RunSettings(accuracy=ACCURACY), watchdog=watchdog)
 
     def send(twin: Twin, *values: float) -> None:
         twin.receive("pressure_command", pressure_command(np.array(values)))

@@ -84,7 +84,7 @@ def _report(done: Replay) -> dict[str, Any]:
         "scene": done.twin.scene.name,
         "start": done.start,
         "time": done.twin.time,
-        "settled": done.twin.settled,
+        "settled": done.twin.settings.settled,
         "interrupted": outcome.interrupted,
         "commands": {
             "applied": outcome.applied,
@@ -118,7 +118,7 @@ def _lines(done: Replay) -> list[tuple[str, str]]:
     commands = f"{outcome.applied} applied, {outcome.unchanged} unchanged, {refused} refused"
     if outcome.not_reached:
         commands += f", {outcome.not_reached} after the end"
-    rest = " from the rest state" if done.twin.settled else ""
+    rest = " from the rest state" if done.twin.settings.settled else ""
     lines = [
         ("scene", f"{scene.name} - {scene.title}"),
         ("simulated", f"{done.twin.time - done.start:.3f} s{rest}"),

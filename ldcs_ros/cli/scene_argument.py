@@ -49,7 +49,7 @@ def scene_of(bag: Path, arguments: argparse.Namespace) -> Any:
     """
     from ldcs_ros.bags import read_bag
     from ldcs_ros.errors import SceneError
-    from ldcs_ros.twin.description import recorded_scene
+    from ldcs_ros.signals.topics import recorded_scene
 
     if arguments.scene is not None:
         return scene_with(arguments.scene, arguments.overrides)

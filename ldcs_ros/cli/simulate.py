@@ -67,11 +67,13 @@ def run(arguments: argparse.Namespace) -> int:
             "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
         )
     from ldcs_ros.twin.recorder import Recorder
+    from ldcs_ros.twin.settings import RunSettings
     from ldcs_ros.twin.twin import Twin
 
     scene = scene_with(arguments.scene, arguments.overrides)
     began = time.perf_counter()
-    twin = Twin(scene, seed=arguments.seed, accuracy=arguments.accuracy, detail=arguments.detail)
+    settings = RunSettings(seed=arguments.seed, accuracy=arguments.accuracy, full_precision=arguments.detail)
+    twin = Twin(scene, settings)
     recorder = None
     if arguments.bag is not None:
         recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})

@@ -15,13 +15,12 @@ from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.foreign import mapped_commands
-from ldcs_ros.replay.own import timeline
+from ldcs_ros.replay.own_bag import recorded_run, timeline
 from ldcs_ros.replay.session import without_schedule
 from ldcs_ros.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.series import side_of
 from ldcs_ros.twin.commands import Commands, Refusal
-from ldcs_ros.twin.description import describe
 
 
 class IdentificationError(LdcsError, ValueError):
@@ -84,16 +83,16 @@ def read_experiment(
     """
     recording = read_bag(bag)
     name = Path(bag).name
-    description = describe(recording) if mapping is None else None
+    recorded = recorded_run(recording) if mapping is None else None
     meaning = mapping or guess_mapping(recording)
     remarks: list[str] = []
     schedule: tuple[dict[str, Any], ...]
-    if description is not None:
-        run = timeline(recording, namespace=description.namespace, topics=dict(TOPICS))
+    if recorded is not None:
+        run = timeline(recording, namespace=recorded.namespace, topics=dict(TOPICS))
         given = [(command.time * 1e-9, command.topic, command.cdr) for command in run.commands]
         commands = _effective(given, without_schedule(scene), name)
-        schedule = tuple(yaml.safe_load(description.scene.text).get("inputs", ()))
-        settled, shift = description.settled, recording.start * 1e-9
+        schedule = tuple(yaml.safe_load(recorded.scene.text).get("inputs", ()))
+        settled, shift = recorded.settings.settled, recording.start * 1e-9
     else:
         scene = without_schedule(scene)
         commands, told = _converted(recording, meaning, scene, name)
@@ -111,7 +110,7 @@ def read_experiment(
     position = np.full((len(time), len(points), 3), np.nan)
     for number, track in enumerate(tracks):
         position[np.searchsorted(time, track.time), number] = track.value
-    sigma, origin = _noise(noise, None if description is None else description.scene, tracks)
+    sigma, origin = _noise(noise, None if recorded is None else recorded.scene, tracks)
     return Experiment(
         name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(remarks)
     )

@@ -22,9 +22,9 @@ from launch_ros.substitutions import ExecutableInPackage
 from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.replay.own_bag import RecordedRun, recorded_run
 from ldcs_ros.ros.common.launching import PACKAGE, argument, node
 from ldcs_ros.ros.sim.runner import Mode
-from ldcs_ros.twin.description import RunDescription, describe
 
 # The player starts when the twin's time has run for two seconds, and takes a moment.
 LEAD = 3.0
@@ -50,7 +50,7 @@ def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         command = [ExecutableInPackage("ldcs", PACKAGE), "replay", given["bag"], "--bag", given["output"]]
         return [ExecuteProcess(cmd=command, output="screen")]
     recording = read_bag(given["bag"])
-    run = describe(recording)
+    run = recorded_run(recording)
     if run is None:
         raise RecordingError(f"{given['bag']} is no bag of a twin; expected one that ldcs recorded")
     commands = [f"{run.namespace}/{name}" for name, topic in TOPICS.items() if topic.direction == "in"]
@@ -68,23 +68,24 @@ def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
     settled = (
         [LogInfo(msg="The bag began at rest; this twin begins at the start of the scene.")]
-        if run.settled
+        if run.settings.settled
         else []
     )
     return [*settled, RegisterEventHandler(OnProcessIO(target_action=twin, on_stderr=play)), twin]
 
 
-def _parameters(run: RunDescription) -> dict[str, Any]:
+def _parameters(run: RecordedRun) -> dict[str, Any]:
     scene = Path(tempfile.mkdtemp(prefix="ldcs_replay_"), f"{run.scene.name}.yaml")
     scene.write_text(run.scene.text, encoding="utf-8")
+    settings = run.settings
     return {
         "scene": str(scene),
-        "seed": -1 if run.seed is None else run.seed,
-        "accuracy": run.accuracy or 0.0,
-        "publish_rate": run.publish_rate,
-        "tracker_rate": run.tracker_rate or 0.0,
-        "ambient_pressure": run.ambient_pressure,
-        "publish_tf": run.publish_tf,
-        "frame_prefix": run.frame_prefix,
-        "record_detail": run.detail,
+        "seed": -1 if settings.seed is None else settings.seed,
+        "accuracy": settings.accuracy or 0.0,
+        "publish_rate": settings.publish_rate,
+        "tracker_rate": settings.tracker_rate or 0.0,
+        "ambient_pressure": settings.ambient_pressure,
+        "publish_tf": settings.publish_tf,
+        "frame_prefix": settings.frame_prefix,
+        "record_detail": settings.full_precision,
     }

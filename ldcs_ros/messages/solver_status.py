@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import time as wall
 from collections import deque
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ldcs_ros.messages.cdr import encode, header, message_class
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.state import State
+from ldcs_ros.simulation.simulation import Simulation
 
 PACE_PERIOD = 1.0
 """Wall time over which the real-time factor is measured [s]."""
 
 
-def lattice_state(time_ns: int, frame: str, simulation: Any) -> bytes:
-    """Return a LatticeState of the present state in float64, in a frame."""
-    state, (nx, ny) = simulation.state, simulation.lattice.nodes
+def lattice_state(time_ns: int, frame: str, lattice: Lattice, arms: Sequence[str], state: State) -> bytes:
+    """Return a LatticeState of a state in float64, in a frame; `arms` holds the names of the arms."""
+    nx, ny = lattice.nodes
     return encode(
         message_class("ldcs_msgs/msg/LatticeState")(
             header=header(time_ns, frame),
@@ -25,8 +27,8 @@ def lattice_state(time_ns: int, frame: str, simulation: Any) -> bytes:
             nodes_y=ny,
             position=_flat(state.position),
             velocity=_flat(state.velocity),
-            arms=list(simulation.arm_names),
-            links=state.link_angle.shape[1] if simulation.arm_names else 0,
+            arms=list(arms),
+            links=state.link_angle.shape[1] if arms else 0,
             link_angle=_flat(state.link_angle),
             link_rate=_flat(state.link_rate),
             pressure=_flat(state.pressure),
@@ -49,7 +51,7 @@ class SolverReport:
         """Measure the pace anew, as after a pause."""
         self._seen.clear()
 
-    def build(self, time_ns: int, simulation: Any, *, overruns: int, refused: int) -> bytes:
+    def build(self, time_ns: int, simulation: Simulation, *, overruns: int, refused: int) -> bytes:
         """Return a SolverStatus of the present."""
         figures, step = simulation.statistics, simulation.last_step
         return encode(

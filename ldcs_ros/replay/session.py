@@ -15,14 +15,15 @@ from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.replay.feed import Outcome, feed
 from ldcs_ros.replay.foreign import mapped_commands
-from ldcs_ros.replay.own import timeline
+from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.intake import Intake
-from ldcs_ros.twin.description import VERSIONS, RunDescription, describe, recorded_scene
-from ldcs_ros.twin.recorder import Recorder, run_description
+from ldcs_ros.signals.topics import recorded_scene
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 # A scene with a fixed step promises no accuracy; two platforms still round almost alike [m].
@@ -100,43 +101,42 @@ def replay(
         DivergenceError: The simulation cannot go on; the bag holds what came before.
     """
     recording, changes = read_bag(bag), changes or Changes()
-    description = describe(recording) if mapping is None else None
-    if description is not None:
-        return _replay_own(recording, description, Path(folder), changes, tell, stop)
+    run = recorded_run(recording) if mapping is None else None
+    if run is not None:
+        return _replay_own(recording, run, Path(folder), changes, tell, stop)
     return _replay_foreign(recording, mapping or guess_mapping(recording), Path(folder), changes, tell, stop)
 
 
 def _replay_own(
     recording: Recording,
-    description: RunDescription,
+    run: RecordedRun,
     folder: Path,
     changes: Changes,
     tell: Callable[[float, float], None],
     stop: Callable[[], bool],
 ) -> Replay:
-    changed = replace(
-        description,
-        scene=changes.scene or description.scene,
-        seed=description.seed if changes.seed is None else changes.seed,
-        accuracy=changes.accuracy or description.accuracy,
+    settings = replace(
+        run.settings,
+        seed=run.settings.seed if changes.seed is None else changes.seed,
+        accuracy=changes.accuracy or run.settings.accuracy,
     )
-    twin = changed.build()
-    run = timeline(recording, namespace=description.namespace, topics=twin.topics)
+    twin = Twin(changes.scene or run.scene, settings)
+    recorded = timeline(recording, namespace=run.namespace, topics=twin.topics)
     start = twin.time
-    end, last = run.end, run.last
+    end, last = recorded.end, recorded.last
     if changes.duration is not None:
         end, last = round((start + changes.duration) * 1e9), None
     recorder = Recorder(
-        folder, twin, namespace=description.namespace, custom_data={"replay_of": Path(recording.name).name}
+        folder, twin, namespace=run.namespace, custom_data={"replay_of": Path(recording.name).name}
     )
-    outcome = _run(twin, run.commands, recorder, end=end, last=last, tell=tell, stop=stop)
+    outcome = _run(twin, recorded.commands, recorder, end=end, last=last, tell=tell, stop=stop)
     verdict = None
     if changes.none and not outcome.interrupted and recorder.error is None:
         verdict = compare_runs(
             recording,
             read_bag(folder),
             allowed=twin.simulation.accuracy or FIXED_STEP_ALLOWED,
-            differing=_differing(description, run_description(twin)),
+            differing=run.differing_versions,
         )
     return Replay(twin, outcome, (), verdict, recorder, start)
 
@@ -156,14 +156,13 @@ def _replay_foreign(
             "name the scene that stands for it, such as --scene rig"
         )
     commands, intakes, origin = mapped_commands(recording, mapping)
-    description = RunDescription(
-        scene=without_schedule(scene),
+    settings = RunSettings(
         seed=changes.seed,
         accuracy=changes.accuracy,
         ambient_pressure=mapping.ambient_pressure,
         settled=mapping.initial == "rest",
     )
-    twin = description.build()
+    twin = Twin(without_schedule(scene), settings)
     start = round(twin.time * 1e9)
     # A scene may come to rest only later: the bag begins when it does.
     commands = [replace(command, time=command.time + start) for command in commands]
@@ -209,12 +208,3 @@ def without_schedule(scene: Scene) -> Scene:
     del content["inputs"]
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     return parse_scene(text, name=scene.name, origin=f"{scene.name} without its schedule")
-
-
-def _differing(description: RunDescription, now: dict[str, str]) -> tuple[str, ...]:
-    then = dict(description.versions)
-    return tuple(
-        f"{name}: {then[name] or 'unknown'}, now {now[name]}"
-        for name in VERSIONS
-        if then.get(name) != now[name]
-    )

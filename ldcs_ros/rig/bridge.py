@@ -18,6 +18,7 @@ from ldcs_ros.rig.rig_file import RigFile
 from ldcs_ros.rig.rig_report import RigReport
 from ldcs_ros.rig.topics import bridge_topics
 from ldcs_ros.rig.valve_watch import ValveWatch
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 _EMPTY = 0.05  # share of the largest pressure below which a chamber counts as empty
@@ -32,7 +33,7 @@ class Bridge:
         rig: The rig.
         mode: What the bridge may do.
         clock: Steady clock [s].
-        twin_options: Further options of the twin.
+        settings: Settings of the twin's run.
         sinks: Get every message, as those of a Twin.
 
     Attributes:
@@ -54,12 +55,12 @@ class Bridge:
         *,
         mode: Mode,
         clock: Callable[[], float],
-        twin_options: dict[str, Any] | None = None,
+        settings: RunSettings | None = None,
         sinks: Iterable[Any] = (),
     ) -> None:
         self.rig, self.mode = rig, mode
         self._clock = clock
-        self.twin = Twin(unscheduled(scene), sinks=sinks, diagnostics=False, **(twin_options or {}))
+        self.twin = Twin(unscheduled(scene), settings, sinks=sinks, diagnostics=False)
         self.follower = Follower(self.twin)
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
         self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)

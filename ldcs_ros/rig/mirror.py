@@ -32,7 +32,7 @@ class Mirror:
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
         self._points = tuple(twin.simulation.points)
-        self._period = 1.0 / twin.publish_rate
+        self._period = 1.0 / twin.settings.publish_rate
         self._cloud = NodeCloud(twin.simulation.lattice.nodes)
         self._pressure: dict[str, float] = {}
         self._next_report = 0.0

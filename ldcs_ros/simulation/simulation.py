@@ -88,6 +88,7 @@ class Simulation:
         elif solver.dt is not None:
             self._control = FixedSteps(self.integrator, solver.dt)
         self._fresh = self.integrator.memory
+        self._taken: tuple[tuple[float, int], Step, State] | None = None
         self.statistics = Statistics()
         # A command that will be refused in ten minutes is refused now.
         self.time, self._next_command = 0.0, 0
@@ -175,7 +176,13 @@ class Simulation:
 
     @property
     def state(self) -> State:
-        """The state at the present time."""
+        """The state at the present time: built once, and again only after an advance or a command."""
+        key = (self.time, self.inputs.version)
+        if self._taken is None or self._taken[0] != key or self._taken[1] is not self._step:
+            self._taken = (key, self._step, self._build_state())
+        return self._taken[2]
+
+    def _build_state(self) -> State:
         motion = self._motion()
         n = 3 * self.lattice.n_nodes
         arms = (2, -1) if self.model.n_angles else (0, 0)
@@ -185,11 +192,11 @@ class Simulation:
         memory = (self._step, self._pace, self._held, waiting, self._next_command, rhythm)
         return State(
             time=self.time,
-            position=motion.q[:n].reshape(-1, 3),
-            velocity=motion.u[:n].reshape(-1, 3),
-            link_angle=motion.q[n:].reshape(arms),
-            link_rate=motion.u[n:].reshape(arms),
-            pressure=self.inputs.chamber_pressure(self.time),
+            position=_read_only(motion.q[:n].reshape(-1, 3)),
+            velocity=_read_only(motion.u[:n].reshape(-1, 3)),
+            link_angle=_read_only(motion.q[n:].reshape(arms)),
+            link_rate=_read_only(motion.u[n:].reshape(arms)),
+            pressure=_read_only(self.inputs.chamber_pressure(self.time)),
             memory=(memory, self.inputs.snapshot(), self.integrator.memory),
         )
 
@@ -357,3 +364,9 @@ class Simulation:
         for name in ("steps", "rejected_steps", "evaluations", "factorisations", "solves"):
             setattr(self.statistics, name, getattr(counters, name))
         self.statistics.wall_time += wall_time
+
+
+def _read_only(view: np.ndarray) -> np.ndarray:
+    # A state is handed to several receivers.
+    view.flags.writeable = False
+    return view

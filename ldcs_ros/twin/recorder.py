@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import platform
 from collections.abc import Mapping
-from importlib import metadata
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from ldcs_ros import __version__
-from ldcs_ros import bags as recording
+from ldcs_ros.bags import BagWriter, Qos, TopicInfo
 from ldcs_ros.messages.topics import Topic
 from ldcs_ros.scene.complete import complete_text
+from ldcs_ros.twin.settings import software_versions
 from ldcs_ros.twin.twin import Twin
 
 DEFAULT_NAMESPACE = "/ldcs"
@@ -98,46 +96,33 @@ class Recorder:
         """End the bag."""
         self._writer.close()
 
-    def _open(self, folder: Path) -> recording.BagWriter:
+    def _open(self, folder: Path) -> BagWriter:
         twin = self._twin
         self._names = {name: self._absolute(name) for name, topic in twin.topics.items() if topic.recorded}
         topics = {full: _info(twin.topics[name]) for name, full in self._names.items()}
-        said = {**run_description(twin), "namespace": self._namespace, **self._further}
-        return recording.BagWriter(folder, topics=topics, custom_data=said)
+        said = {**run_metadata(twin), "namespace": self._namespace, **self._further}
+        return BagWriter(folder, topics=topics, custom_data=said)
 
     def _absolute(self, name: str) -> str:
         return name if name.startswith("/") else f"{self._namespace}/{name}"
 
 
-def run_description(twin: Twin) -> dict[str, str]:
-    """Return what it takes to run a twin again, as texts."""
+def run_metadata(twin: Twin) -> dict[str, str]:
+    """Return the texts of a bag's metadata from which the same twin can be built again."""
     return {
         "scene": twin.scene.text,
         "scene_complete": complete_text(twin.scene),
-        "scene_name": str(twin.scene.name),
-        "seed": "" if twin.seed is None else str(twin.seed),
-        "accuracy": "" if twin.accuracy is None else repr(twin.accuracy),
-        "publish_rate": repr(twin.publish_rate),
-        "tracker_rate": "" if twin.sensing.tracker is None else repr(twin.sensing.tracker.rate),
-        "ambient_pressure": repr(twin.ambient_pressure),
-        "publish_clock": str(twin.publish_clock).lower(),
-        "publish_tf": str(twin.publish_tf).lower(),
-        "frame_prefix": twin.frames.prefix,
-        "detail": str(twin.detail).lower(),
-        "settled": str(twin.settled).lower(),
-        "ldcs_ros": __version__,
-        "python": platform.python_version(),
-        **{library: metadata.version(library) for library in ("numpy", "scipy", "numba")},
-        # What can change a result; the kernel cannot.
-        "platform": "-".join([platform.system(), platform.machine(), *platform.libc_ver()]),
+        "scene_name": twin.scene.name,
+        **replace(twin.settings, tracker_rate=twin.tracker_rate).to_metadata(),
+        **software_versions(),
     }
 
 
-def _info(topic: Topic) -> Any:
-    qos = recording.Qos(
+def _info(topic: Topic) -> TopicInfo:
+    qos = Qos(
         reliability="reliable" if topic.reliable else "best_effort",
         durability="transient_local" if topic.transient_local else "volatile",
         history="keep_all" if topic.keep_all else "keep_last",
         depth=topic.depth,
     )
-    return recording.TopicInfo(topic.type, qos)
+    return TopicInfo(topic.type, qos)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as wall
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,13 @@ from ldcs_ros.messages.diagnostics import Status, diagnostic_array
 from ldcs_ros.messages.frames import Frames
 from ldcs_ros.messages.solver_status import SolverReport
 from ldcs_ros.messages.topics import TOPICS, Topic
-from ldcs_ros.sensors import Ticks
+from ldcs_ros.physics.state import State
+from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.commands import Commands, Refusal
-from ldcs_ros.twin.outputs import Outputs
-from ldcs_ros.twin.sensing import Sensing
+from ldcs_ros.twin.events import EventSource, Periodic
+from ldcs_ros.twin.reports import Reports
+from ldcs_ros.twin.sensor_suite import SensorSuite, pressure_parameters, tracker_parameters
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.status import twin_statuses
 from ldcs_ros.twin.vent import RAMP_TIME, VentRamp
 from ldcs_ros.twin.watchdog import Watchdog
@@ -28,106 +32,98 @@ from ldcs_ros.twin.wrench_course import WrenchCourses
 Sink = Callable[[str, str, bytes, int], None]
 ARM_COMMANDS = ("pressure_command", "torque_command", "arm_command")
 SOLVER_STATUS_RATE = 10.0
-"""Messages of `solver_status` a second [Hz], or the publish rate where that is smaller."""
+"""Messages of `solver_status` per second [Hz], or the publish rate where that is smaller."""
+DIAGNOSTICS_RATE = 1.0
+"""Messages of /diagnostics per second of simulation time [Hz]."""
 
 
 class Twin:
-    """Advances a simulation and emits what a rig would send, each message when its time has come.
+    """A simulation that emits the messages of a rig, each when its time has come.
 
-    Nothing depends on who calls it: the node, the command line and a replay that advance and command it alike
+    Nothing depends on the caller: the node, the command line and a replay that advance and command a twin alike
     get the same bytes. Each tick of a sensor and each report is an event at an exact multiple of its period.
+    The state is taken once per event and handed to the sources that are due.
 
     Args:
-        scene: What is simulated.
+        scene: The scene that is simulated.
+        settings: The settings of the run.
         sinks: Callables `sink(topic, message_type, cdr, time_ns)`; each gets every message, also the commands
             that were applied. Names are relative, times are of the simulation.
-        seed: Seed of the sensors' noise; None for the scene's own.
-        accuracy: Position error asked of the solver [m]; None for the scene's.
-        tracker_rate: Rate of the tracker [Hz]; None for the scene's.
-        publish_rate: Reports of the state a second [Hz].
-        wanted: Tells by name whether a topic that is built on demand is wanted now; None for never.
-        watchdog: Watches the commands; None for one that is off.
-        diagnostics: Emit /diagnostics once a second of simulation time; the node has more to say and does it.
-        ambient_pressure: Absolute pressure of the surrounding air [Pa].
-        publish_clock: Emit /clock with each report.
-        publish_tf: Emit /tf with each report, /tf_static at the start.
-        frame_prefix: What stands before the name of each frame.
-        detail: Emit `lattice_state` and `solver_status` and let bags hold them; else they come while wanted.
+        has_subscribers: Returns by name whether a topic that is built on demand has subscribers now; None for
+            never.
+        watchdog: The watchdog of the commands; None for one that is off.
+        diagnostics: Emit /diagnostics; the node adds entries and emits it itself.
 
     Attributes:
+        scene: The scene.
+        settings: The settings, `settled` as the present run began.
+        tracker_rate: Rate of the tracker [Hz]; None without one.
         simulation: The simulation.
         time: Time up to which everything has been emitted [s].
-        settled: It began in the rest state.
         topics: Every topic that may be emitted or received, by relative name.
-        sensing: The sensors.
         commands: Counters of accepted and refused commands.
         watchdog: The watchdog; its owner calls `check_watchdog`.
         overruns: Deadlines missed in real time, as its owner counts them; reported in `solver_status`.
-        solver_report: Measures the pace for `solver_status`; its owner restarts it after a pause.
+        solver_report: Meter of the pace for `solver_status`; its owner restarts it after a pause.
         sinks: The sinks; a caller may add and remove some between two advances.
     """
 
     def __init__(
         self,
-        scene: Any,
+        scene: Scene,
+        settings: RunSettings | None = None,
         *,
         sinks: Iterable[Sink] = (),
-        seed: int | None = None,
-        accuracy: float | None = None,
-        tracker_rate: float | None = None,
-        publish_rate: float = 50.0,
-        wanted: Callable[[str], bool] | None = None,
+        has_subscribers: Callable[[str], bool] | None = None,
         watchdog: Watchdog | None = None,
         diagnostics: bool = True,
-        ambient_pressure: float = 101325.0,
-        publish_clock: bool = False,
-        publish_tf: bool = False,
-        frame_prefix: str = "",
-        detail: bool = False,
     ) -> None:
         self.scene = scene
-        self.seed = seed
-        self.accuracy = accuracy
-        self.publish_rate = publish_rate
-        self.ambient_pressure = ambient_pressure
-        self.publish_clock = publish_clock
-        self.publish_tf = publish_tf
-        self.detail = detail
-        self.frames = Frames(frame_prefix)
-        self._wanted = wanted or (lambda name: False)
+        self.settings = settings or RunSettings()
+        self.sinks = list(sinks)
         self.overruns = 0
         self.solver_report = SolverReport()
-        self.settled = False
-        self.sinks = list(sinks)
-        self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
         self.watchdog = watchdog or Watchdog(wall.monotonic)
+        accuracy = self.settings.accuracy
+        self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
+        self.frames = Frames(self.settings.frame_prefix)
         self.commands = Commands(self.simulation, self.frames)
+        self._has_subscribers = has_subscribers or (lambda name: False)
         self._courses = WrenchCourses()
-        self.sensing = Sensing(scene.sensors, self.simulation, seed=seed, tracker_rate=tracker_rate)
-        self._outputs = Outputs(
-            self.simulation,
-            self.emit,
-            wanted=self._wanted,
-            tracker=self.sensing.tracker,
-            pressure_sensor=self.sensing.pressure,
-            ambient_pressure=ambient_pressure,
-            publish_clock=publish_clock,
-            publish_tf=publish_tf,
-            frames=self.frames,
-            detail=detail,
-        )
-        self._diagnostics = diagnostics
         self._ramp: VentRamp | None = None
         self._first_report = True
-        self.topics: dict[str, Topic] = dict(self._outputs.topics)
+        tracker = tracker_parameters(scene, self.settings)
+        pressure = pressure_parameters(scene, self.simulation)
+        self.tracker_rate = None if tracker is None else tracker.rate
+        self._reports = Reports(
+            self.simulation,
+            self.emit,
+            self.settings,
+            has_subscribers=self._has_subscribers,
+            tracker=tracker,
+            pressure=pressure,
+            frames=self.frames,
+        )
+        sensors = SensorSuite(
+            self.simulation, self._reports, tracker=tracker, pressure=pressure, seed=self.settings.seed
+        )
+        self._report = Periodic(self.settings.publish_rate, self._report_state)
+        # In this order at one time: a measurement that is delivered without delay belongs to that very report.
+        self._sources: list[EventSource] = [sensors, self._report]
+        if diagnostics:
+            self._sources.append(Periodic(DIAGNOSTICS_RATE, self._report_health))
+        self.topics: dict[str, Topic] = dict(self._reports.topics)
         self.topics["/diagnostics"] = TOPICS["/diagnostics"]
         self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}
-        self._start()
+        if self.settings.settled:
+            self.settle()
+        else:
+            self._start()
 
     @property
     def next_time(self) -> float:
-        """When the next event is due [s]."""
-        return min(self._next_tick, self.sensing.next_delivery, self._courses.next_time)
+        """Time of the next event [s]."""
+        return min(self._next_report, self._courses.next_time)
 
     def advance_to_next(self) -> None:
         """Go on to the next event and emit all that belongs to it.
@@ -135,27 +131,18 @@ class Twin:
         Raises:
             DivergenceError: The simulation cannot go on; nothing was emitted, the state before is whole.
         """
-        time = min(self._next_tick, self.sensing.next_delivery)
+        time = self._next_report
         if self._courses.next_time < time:
             self._go_to(self._courses.next_time)
             self._follow_courses()
             return
-        if self._next_tick <= time:
+        due = [source for source in self._sources if source.next_time <= time]
+        if any(source.needs_state(time) for source in due):
             self._move(time)
         self.time = time
-        # Measurements first: one that is delivered without delay belongs to this very event.
-        self.sensing.report(time, self._outputs)
-        if self._reports.time <= time:
-            self._reports.advance()
-            if self._first_report:
-                self._first_report = False
-                self._outputs.report_static(time)
-            self._outputs.report_state()
-            self._report_solver()
-            self._continue_vent()
-        if self._diagnostics and self._health.time <= time:
-            self._health.advance()
-            self.emit_diagnostics("ldcs_sim", self.statuses())
+        state = self.simulation.state
+        for source in due:
+            source.report(time, state)
 
     def advance_to(self, seconds: float) -> None:
         """Emit everything up to a time [s] and bring the simulation there.
@@ -165,15 +152,14 @@ class Twin:
         """
         while self.next_time <= seconds:
             self.advance_to_next()
-        # Behind the last event time rests on whole nanoseconds, so that a command's log time is exactly when
-        # it acted.
+        # After the last event, time rests on whole nanoseconds: a command's log time is exactly when it acted.
         rest = nanoseconds(seconds) / 1e9
         if rest < self.next_time:
             self._go_to(rest)
 
     def advance_to_report(self) -> None:
         """Go on to the next report of the state, exactly one publish period after the last."""
-        self.advance_to(self._reports.time)
+        self.advance_to(self._report.next_time)
 
     def receive(self, topic: str, cdr: bytes) -> str | None:
         """Apply a command at the present time; return None, or why it was refused whole.
@@ -260,19 +246,19 @@ class Twin:
         return self.watchdog.rearm()
 
     def settle(self) -> None:
-        """Begin anew in the rest state, at the time at which schedule and rises are over.
+        """Restart at the equilibrium, at the time at which schedule and rises are over.
 
         Raises:
-            DivergenceError: There is no rest state; nothing changed.
+            DivergenceError: There is no equilibrium; nothing changed.
         """
         self.simulation.settle()
-        self.settled = True
+        self.settings = replace(self.settings, settled=True)
         self._start()
 
     def reset(self) -> None:
-        """Back to the scene's start: state, inputs, sensors and their noise; counters stay."""
+        """Restart at the scene's start: state, inputs, sensors and their noise; counters stay."""
         self.simulation.reset()
-        self.settled = False
+        self.settings = replace(self.settings, settled=False)
         self.watchdog.forget()
         self.commands.start_over()
         self._start()
@@ -292,20 +278,17 @@ class Twin:
             sink(topic.name, topic.type, cdr, time_ns)
 
     @property
-    def _next_tick(self) -> float:
-        health = self._health.time if self._diagnostics else math.inf
-        return min(self._reports.time, health, self.sensing.next_tick)
+    def _next_report(self) -> float:
+        return min(source.next_time for source in self._sources)
 
     def _start(self) -> None:
-        start = self.time = self.simulation.time
-        self._reports = Ticks.starting_at(self.publish_rate, start)
-        self._health = Ticks.starting_at(1.0, start)
-        self._reports_a_status = max(1, round(self.publish_rate / SOLVER_STATUS_RATE))
+        self.time = self.simulation.time
         self._ramp = None
         self._courses.clear()
         self.solver_report.restart()
         self._first_report = True
-        self.sensing.start(start)
+        for source in self._sources:
+            source.start(self.time)
 
     def _move(self, time: float) -> None:
         if time > self.simulation.time:
@@ -321,15 +304,25 @@ class Twin:
         for course, share in self._courses.take(self.time):
             self._hold_wrench(course.frame, *course.at(share))
 
-    def _report_solver(self) -> None:
-        if (self._reports.index - 1) % self._reports_a_status:
+    def _report_state(self, time: float, state: State) -> None:
+        if self._first_report:
+            self._first_report = False
+            self._reports.report_static(time)
+        self._reports.report_state(time, state)
+        self._report_solver(time)
+        self._continue_vent()
+
+    def _report_health(self, time: float, state: State) -> None:
+        self.emit_diagnostics("ldcs_sim", self.statuses())
+
+    def _report_solver(self, time: float) -> None:
+        if self._report.count % max(1, round(self.settings.publish_rate / SOLVER_STATUS_RATE)):
             return
-        if not (self.detail or self._wanted("solver_status")):
+        if not (self.settings.full_precision or self._has_subscribers("solver_status")):
             return
-        now = nanoseconds(self.time)
         counts = {"overruns": self.overruns, "refused": sum(self.commands.refused.values())}
-        message = self.solver_report.build(now, self.simulation, **counts)
-        self.emit(self.topics["solver_status"], message, now)
+        message = self.solver_report.build(nanoseconds(time), self.simulation, **counts)
+        self.emit(self.topics["solver_status"], message, nanoseconds(time))
 
     def _continue_vent(self) -> None:
         if self._ramp is None:
@@ -348,7 +341,7 @@ class Twin:
         inputs, now = self.simulation.inputs, nanoseconds(self.time)
         if inputs.pressure is not None:
             self.emit(TOPICS["pressure_command"], messages.pressure_command(inputs.pressure), now)
-        else:
+        elif inputs.torque is not None:
             torque = messages.torque_command(now, self.simulation.joint_names, inputs.torque)
             self.emit(TOPICS["torque_command"], torque, now)
 

@@ -18,12 +18,13 @@ from moving_sheet import SCENE  # noqa: E402
 from ldcs_ros import load_scene  # noqa: E402
 from ldcs_ros.messages.messages import pressure_command  # noqa: E402
 from ldcs_ros.twin.recorder import Recorder  # noqa: E402
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin  # noqa: E402
 
 
 def record(folder, *, seed=None, **changes):
     """Record two seconds of the scene: lifted at 0.3 s, half let down at 1.1 s."""
-    twin = Twin(load_scene({**SCENE, **changes}), seed=seed)
+    twin = Twin(load_scene({**SCENE, **changes}), RunSettings(seed=seed))
     recorder = Recorder(folder, twin)
     twin.sinks.append(recorder)
     for time, pressure in ((0.3, 1.2e5), (1.1, 5e4), (2.0, 0.0)):

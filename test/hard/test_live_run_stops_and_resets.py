@@ -13,6 +13,7 @@ from ldcs_ros.ros.sim.health import health
 from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
 from ldcs_ros.ros.sim.runner import Mode, Runner
 from ldcs_ros.study.hard.scenes import HANGING, changed
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 # The sheet falls onto a floor on which this step is far above the stability limit: rk4 must stop there.
@@ -35,7 +36,9 @@ def _positions(messages):
 
 def test_a_run_that_cannot_go_on_pauses_with_an_error_and_reset_brings_it_back():
     published, told, failed = [], [], threading.Event()
-    twin = Twin(load_scene(ENDS), sinks=[lambda *message: published.append(message)], publish_rate=1000.0)
+    twin = Twin(
+        load_scene(ENDS), RunSettings(publish_rate=1000.0), sinks=[lambda *message: published.append(message)]
+    )
 
     def fail(reason):
         told.append(reason)

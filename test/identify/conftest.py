@@ -6,6 +6,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 HIDDEN = {"effects.springs.stiffness": 110.0, "effects.arms.pressure_gain": 1.1e-6}
@@ -37,7 +38,7 @@ def small_scene(schedule, *, law="axial", stiffness=80.0, gain=1.0e-6, accuracy=
 
 def record(folder, content, *, seed, settle=False):
     """Run a scene and record it."""
-    twin = Twin(load_scene(content), seed=seed, publish_rate=5.0)
+    twin = Twin(load_scene(content), RunSettings(seed=seed, publish_rate=5.0))
     if settle:
         twin.settle()
     recorder = Recorder(folder, twin)

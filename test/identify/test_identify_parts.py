@@ -19,6 +19,7 @@ from ldcs_ros.identify.prediction import predict, residuals
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 from .conftest import SCHEDULES, record, small_scene
@@ -96,7 +97,7 @@ def test_a_run_from_rest_is_predicted_from_rest(tmp_path, guess):
 
 
 def test_a_controller_that_repeats_itself_costs_and_changes_nothing(tmp_path, guess):
-    twin = Twin(load_scene(small_scene(SCHEDULES["b"])), publish_rate=5.0)
+    twin = Twin(load_scene(small_scene(SCHEDULES["b"])), RunSettings(publish_rate=5.0))
     recorder = Recorder(tmp_path / "bag", twin)
     twin.sinks.append(recorder)
     for step in range(40):

@@ -7,7 +7,7 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.bags import Recording
 from ldcs_ros.bags.recording import Message
-from ldcs_ros.twin.recorder import run_description
+from ldcs_ros.twin.recorder import run_metadata
 from ldcs_ros.twin.twin import Twin
 
 SCENE = {
@@ -36,7 +36,7 @@ def recorded(scene, *, until):
         sinks=[lambda *message: messages.append(Message("/ldcs/" + message[0].strip("/"), *message[1:]))],
     )
     twin.advance_to(until)
-    return Recording.from_messages(messages, custom_data=run_description(twin))
+    return Recording.from_messages(messages, custom_data=run_metadata(twin))
 
 
 @pytest.fixture

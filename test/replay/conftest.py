@@ -10,6 +10,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -54,8 +55,8 @@ def recorded(tmp_path):
     """Return a context: a twin whose run is recorded into a bag folder."""
 
     @contextmanager
-    def run(scene, folder=None, **options):
-        twin = Twin(scene, **options)
+    def run(scene, folder=None, *, watchdog=None, diagnostics=True, **settings):
+        twin = Twin(scene, RunSettings(**settings), watchdog=watchdog, diagnostics=diagnostics)
         recorder = Recorder(folder or tmp_path / "original", twin)
         twin.sinks.append(recorder)
         twin.recorder = recorder

@@ -76,7 +76,7 @@ def test_a_run_from_rest_begins_at_rest_again(recorded, pneumatic, tmp_path):
         twin.advance_to(0.2)
         twin.receive("pressure_command", pressure_command([0.0]))
         twin.advance_to(0.4)
-    assert same(tmp_path / "rest", tmp_path).twin.settled
+    assert same(tmp_path / "rest", tmp_path).twin.settings.settled
 
 
 def test_each_bag_of_a_run_with_resets_replays(recorded, pneumatic, tmp_path):
@@ -221,7 +221,7 @@ def test_a_copy_in_sqlite3_replays_like_the_original(recorded, pneumatic, tmp_pa
 def test_wrenches_that_act_for_a_while_are_replayed_from_what_they_commanded(recorded, pneumatic, tmp_path):
     # Reports at 60 Hz are no whole nanoseconds; 1/3 s and its stairs meet them, at either side.
     push = {"point": "P1", "force": (0.0, 0.0, 0.4), "torque": (0.0, 1e-3, 0.0)}
-    with recorded(pneumatic, publish_rate=60.0, detail=True, frame_prefix="twin1/") as twin:
+    with recorded(pneumatic, publish_rate=60.0, full_precision=True, frame_prefix="twin1/") as twin:
         twin.advance_to(1.0 / 60.0)
         twin.apply_wrench(**push, frame_id="twin1/ldcs_base", duration=1.0 / 3.0, ramp=1.0 / 30.0)
         twin.advance_to(0.1)

@@ -70,7 +70,7 @@ def test_a_bag_made_from_a_rigs_bag_is_our_own(tmp_path, pneumatic):
     )
     entry = {"topic": "/p", "to": "pressure_command"}
     mapped = parse_mapping({"commands": [entry], "initial": "rest"})
-    assert run(source, tmp_path, pneumatic, mapped).twin.settled
+    assert run(source, tmp_path, pneumatic, mapped).twin.settings.settled
     assert replay(tmp_path / "twin", tmp_path / "again").verdict.same_bytes
 
 
@@ -190,7 +190,7 @@ def test_the_bag_of_a_rig_beside_a_twin_brings_its_scene_and_gets_no_verdict(tmp
             command = pressure_command([1e4 * k, 0.0])
             writer.write("/ldcs/pressure_command", "std_msgs/msg/Float64MultiArray", command, k * 50 * MS)
     done = replay(tmp_path / "rig", tmp_path / "twin")
-    assert done.verdict is None and done.twin.settled and done.outcome.applied == 4
+    assert done.verdict is None and done.twin.settings.settled and done.outcome.applied == 4
     assert not done.twin.scene.inputs
 
 

@@ -13,6 +13,7 @@ from ldcs_ros import load_scene
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.ros.common.optional import installed, message_type
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
 
@@ -36,10 +37,9 @@ def emitted():
     collected = Collector()
     twin = Twin(
         load_scene("rig"),
+        RunSettings(publish_clock=True, publish_tf=installed()["tf2_msgs"]),
         sinks=[collected],
-        wanted=lambda name: True,
-        publish_clock=True,
-        publish_tf=installed()["tf2_msgs"],
+        has_subscribers=lambda name: True,
     )
     twin.receive("pressure_command", pressure_command([1e5, 1.2e5]))
     twin.advance_to(0.1)

@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from fake_scene import Collector, RailScene  # noqa: E402
 
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin  # noqa: E402
 
 
@@ -18,8 +19,9 @@ from ldcs_ros.twin.twin import Twin  # noqa: E402
 def run():
     """Return a twin on rails and the list of what it emits."""
 
-    def build(scene=None, **options):
+    def build(scene=None, *, watchdog=None, has_subscribers=None, **settings):
         collected = Collector()
-        return Twin(scene or RailScene(), sinks=[collected], **options), collected
+        options = {"watchdog": watchdog, "has_subscribers": has_subscribers}
+        return Twin(scene or RailScene(), RunSettings(**settings), sinks=[collected], **options), collected
 
     return build

@@ -43,6 +43,14 @@ class RailInputs:
         self.wrenches.pop(frame, None)
 
 
+@dataclass(frozen=True)
+class RailPoint:
+    node: int
+
+    def pose(self, position):
+        return position[self.node], IDENTITY
+
+
 class RailSimulation:
     """Rises at SPEED; P0 and P1 are its first and last node; diverges at a time that the scene names."""
 
@@ -54,7 +62,7 @@ class RailSimulation:
     def __init__(self, scene):
         self.scene = scene
         self.effects = scene.effects
-        self.points = {"P0": None, "P1": None}
+        self.points = {"P0": RailPoint(0), "P1": RailPoint(-1)}
         self.visited = []
         self.reset()
         figures = {"error_estimate": 0.0, "wall_time": 0.25, "steps": 1, "rejected_steps": 0}
@@ -93,9 +101,9 @@ class RailSimulation:
         )
 
     def pose(self, name):
-        if name not in ("P0", "P1"):
-            raise ValueError(f"got {name!r}, expected a point out of ['P0', 'P1']")
-        return self.state.position[0 if name == "P0" else -1], IDENTITY
+        if name not in self.points:
+            raise ValueError(f"got {name!r}, expected a point out of {list(self.points)}")
+        return self.points[name].pose(self.state.position)
 
 
 @dataclass

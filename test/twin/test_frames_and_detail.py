@@ -26,9 +26,9 @@ def test_every_frame_has_the_prefix(run):
     twin, collected = run(
         RailScene(sensors=SENSORS),
         publish_tf=True,
-        detail=True,
+        full_precision=True,
         frame_prefix="twin1/",
-        wanted=lambda topic: topic == "nodes",
+        has_subscribers=lambda topic: topic == "nodes",
     )
     twin.advance_to(0.1)
     named = defaultdict(set)
@@ -57,7 +57,7 @@ def test_a_wrench_may_name_its_frame_with_or_without_the_prefix_of_this_twin(run
 
 
 def test_the_lattice_state_is_the_state_to_the_last_bit(run):
-    twin, collected = run(wanted=lambda topic: topic == "lattice_state")
+    twin, collected = run(has_subscribers=lambda topic: topic == "lattice_state")
     twin.advance_to(0.1)
     _, kind, cdr, time = collected.on("lattice_state")[-1]
     message, state = decode(kind, cdr), twin.simulation.state
@@ -69,7 +69,7 @@ def test_the_lattice_state_is_the_state_to_the_last_bit(run):
 
 def test_the_solver_reports_ten_times_a_second_at_any_publish_rate(run):
     for rate, times in ((50.0, 11), (100.0, 11), (5.0, 6), (12.0, 13)):
-        twin, collected = run(wanted=lambda topic: topic == "solver_status", publish_rate=rate)
+        twin, collected = run(has_subscribers=lambda topic: topic == "solver_status", publish_rate=rate)
         twin.overruns = 7
         twin.receive("pressure_command", b"nonsense")
         twin.advance_to(1.0)

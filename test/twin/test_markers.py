@@ -38,7 +38,9 @@ def ends(marker):
 def test_markers_are_built_only_while_somebody_listens():
     listened, collected = set(), []
     twin = Twin(
-        load_scene("hanging_sheet"), sinks=[lambda *m: collected.append(m)], wanted=listened.__contains__
+        load_scene("hanging_sheet"),
+        sinks=[lambda *m: collected.append(m)],
+        has_subscribers=listened.__contains__,
     )
     twin.advance_to(0.02)
     assert not {message[0] for message in collected} & set(MARKER_TOPICS)

@@ -112,7 +112,7 @@ def test_a_running_twin_is_shown_and_a_reset_begins_anew(tmp_path):
         if is_shown(topic, message_type):
             show.receive(topic, message_type, cdr)
 
-    twin = Twin(load_scene("rig"), sinks=[sink], wanted=lambda name: True)
+    twin = Twin(load_scene("rig"), sinks=[sink], has_subscribers=lambda name: True)
     for end in (0.04, 0.08, 0.1):
         twin.advance_to(end)
         surfaces = show.draw()

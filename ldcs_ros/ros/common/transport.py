@@ -79,8 +79,8 @@ class Transport:
         """Commands that were overwritten in a full queue before they could be taken."""
         return sum(intake.missed for intake in self._intakes)
 
-    def wanted(self, topic: str) -> bool:
-        """Tell whether somebody listens."""
+    def has_subscribers(self, topic: str) -> bool:
+        """Return whether a topic has subscribers."""
         publisher = self._publishers.get(topic)
         return publisher is not None and publisher.get_subscription_count() > 0
 

@@ -33,6 +33,7 @@ from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
 from ldcs_ros.ros.sim.parameters import declare
 from ldcs_ros.ros.sim.runner import Periodic
 from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.settings import RunSettings
 
 NODE_NAME = "ldcs_bridge"
 DEFAULT_NAMESPACE = "/ldcs"
@@ -68,7 +69,7 @@ class RigBridge(Node):
             load_rig(self._value("rig")),
             mode=mode_of(self._value("mode")),
             clock=time.monotonic,
-            twin_options={"publish_rate": self._value("publish_rate"), "accuracy": self._value("accuracy")},
+            settings=RunSettings(publish_rate=self._value("publish_rate"), accuracy=self._value("accuracy")),
         )
         self._health = Health(self._bridge)
         self._transport = Transport(self)  # type: ignore[arg-type]

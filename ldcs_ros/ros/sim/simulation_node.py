@@ -32,6 +32,7 @@ from ldcs_ros.ros.sim.services import Services
 from ldcs_ros.ros.sim.status_line import StatusLine
 from ldcs_ros.ros.sim.wrench_service import WrenchService
 from ldcs_ros.scene.scene import Scene
+from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 from ldcs_ros.twin.watchdog import Watchdog
 
@@ -231,20 +232,23 @@ class SimulationNode(LifecycleNode):
             "timeout": self._value("command_timeout"),
             "wrench_timeout": self._value("wrench_timeout"),
         }
-        twin = Twin(
-            scene,
+        settings = RunSettings(
             seed=None if self._value("seed") < 0 else self._value("seed"),
             accuracy=self._value("accuracy") or None,
             tracker_rate=self._value("tracker_rate") or None,
             publish_rate=self._value("publish_rate"),
-            wanted=self._transport.wanted,
-            watchdog=Watchdog(time.monotonic, **timeouts),
-            diagnostics=False,
             ambient_pressure=self._value("ambient_pressure"),
             publish_clock=self._value("publish_clock"),
             publish_tf=self._value("publish_tf") and installed()["tf2_msgs"],
             frame_prefix=self._value("frame_prefix"),
-            detail=self._value("record_detail"),
+            full_precision=self._value("record_detail"),
+        )
+        twin = Twin(
+            scene,
+            settings,
+            has_subscribers=self._transport.has_subscribers,
+            watchdog=Watchdog(time.monotonic, **timeouts),
+            diagnostics=False,
         )
         _warm_up(twin)
         return twin
@@ -262,7 +266,7 @@ class SimulationNode(LifecycleNode):
         runner.deaf = INACTIVE
         for complaint in check_overrides(self, twin.topics.values()):
             self.get_logger().warning(complaint)
-        if twin.publish_clock:
+        if twin.settings.publish_clock:
             self._clock_watch.refuse_second()
         self._join_graph(twin, runner)
         self._bag.start(self._value("record"), twin, self.get_namespace())
@@ -297,7 +301,7 @@ class SimulationNode(LifecycleNode):
             missed = self._transport.missed
             statuses = health(runner, self._bag.recorder, self._bag.error, self._interfaces, missed)
             statuses.append(self._namesakes.look())
-            if runner.twin.publish_clock:
+            if runner.twin.settings.publish_clock:
                 statuses.append(self._clock_watch.look())
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
 
@@ -326,7 +330,7 @@ class SimulationNode(LifecycleNode):
             runner.duration = changed.get("duration", runner.duration)
             if "real_time_factor" in changed:
                 pacer.real_time_factor = changed["real_time_factor"]
-                pacer.tolerance = tolerance(runner.twin.publish_rate, pacer.real_time_factor)
+                pacer.tolerance = tolerance(runner.twin.settings.publish_rate, pacer.real_time_factor)
                 pacer.lift()
 
         runner.hand_in(apply)
@@ -335,7 +339,7 @@ class SimulationNode(LifecycleNode):
 def _warm_up(twin: Twin) -> None:
     # Kernels are compiled or loaded at their first use: before the clock runs, not in its first period.
     try:
-        twin.simulation.advance_to(1.0 / twin.publish_rate)
+        twin.simulation.advance_to(1.0 / twin.settings.publish_rate)
     except DivergenceError:
         pass  # it will diverge again when the clock runs, and be told then
     twin.reset()

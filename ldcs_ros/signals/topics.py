@@ -1,9 +1,10 @@
-"""The mapping of a bag that nobody describes: topics under the names and types that this project gives them."""
+"""The content of a bag by its own account: its scene, its topics by name and type, and the mapping they suggest."""
 
 from __future__ import annotations
 
-from typing import Any
-
+from ldcs_ros.bags import Recording
+from ldcs_ros.scene.load import parse_scene
+from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.load import COMMANDS
 from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
 
@@ -19,7 +20,39 @@ _PRESSURE = "sensor_msgs/msg/FluidPressure"
 _PROBES = {"trakstar0": "P0", "trakstar1": "P1"}
 
 
-def guess_mapping(recording: Any) -> Mapping:
+def recorded_scene(recording: Recording) -> Scene | None:
+    """Return the scene that a bag carries, of its twin or of the twin beside its rig; None if it carries none.
+
+    Raises:
+        SceneError: The scene is invalid in this version.
+    """
+    # The complete text names every default of its time.
+    text = recording.custom_data.get("scene_complete") or recording.custom_data.get("scene")
+    if text is None:
+        return None
+    name = recording.custom_data.get("scene_name", "scene")
+    return parse_scene(text, name=name, origin=f"scene of {recording.name}")
+
+
+def find_topics(recording: Recording, name: str, message_type: str) -> list[str]:
+    """Return the topics with messages that end in a name and have a type, the shortest path first.
+
+    A bridge reports its rig under `rig/P0/pose` beside the twin's own `P0/pose`: the shorter path is the twin's.
+    """
+    found = [
+        topic
+        for topic, info in recording.topics.items()
+        if topic.split("/")[-1] == name and info.type == message_type and recording.counts.get(topic, 0)
+    ]
+    return sorted(found, key=lambda topic: (topic.count("/"), topic))
+
+
+def find_topic(recording: Recording, name: str, message_type: str) -> str | None:
+    """Return the topic with messages of a name and type that has the shortest path; None if there is none."""
+    return next(iter(find_topics(recording, name, message_type)), None)
+
+
+def guess_mapping(recording: Recording) -> Mapping:
     """Return the mapping that names and types suggest; it may be empty."""
     commands, measurements = [], []
     for topic, info in sorted(recording.topics.items()):

@@ -1,0 +1,82 @@
+"""The settings of a run beside its scene: one list, which goes into a bag's metadata and comes back from it."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from importlib import metadata
+from typing import Any
+
+from ldcs_ros import __version__
+
+
+def _setting(default: Any, read: Callable[[str], Any], *, key: str = "") -> Any:
+    # `key` is the name in the metadata, where it differs from the name of the field.
+    return field(default=default, metadata={"read": read, "key": key})
+
+
+def _truth(text: str) -> bool:
+    return text == "true"
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """A set of choices that, with a scene and the commands, determines every byte of a run.
+
+    Attributes:
+        seed: Seed of the sensors' noise; None for the scene's.
+        accuracy: Position error asked of the solver [m]; None for the scene's.
+        publish_rate: Reports of the state per second of simulation time [Hz].
+        tracker_rate: Rate of the tracker [Hz]; None for the scene's.
+        ambient_pressure: Absolute pressure of the surrounding air [Pa].
+        publish_clock: Emit /clock with each report.
+        publish_tf: Emit /tf with each report, /tf_static at the start.
+        frame_prefix: Prefix of the name of each frame.
+        full_precision: Emit `lattice_state` and `solver_status` all along and record them.
+        settled: Begin at the equilibrium.
+    """
+
+    seed: int | None = _setting(None, int)
+    accuracy: float | None = _setting(None, float)
+    publish_rate: float = _setting(50.0, float)
+    tracker_rate: float | None = _setting(None, float)
+    ambient_pressure: float = _setting(101325.0, float)
+    publish_clock: bool = _setting(False, _truth)
+    publish_tf: bool = _setting(False, _truth)
+    frame_prefix: str = _setting("", str)
+    full_precision: bool = _setting(False, _truth, key="detail")
+    settled: bool = _setting(False, _truth)
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the settings as texts by the names that a bag gives them."""
+        return {one.metadata["key"] or one.name: _text(getattr(self, one.name)) for one in fields(self)}
+
+    @classmethod
+    def from_metadata(cls, texts: Mapping[str, str]) -> RunSettings:
+        """Return the settings that a bag's metadata hold; a missing or empty text means the default.
+
+        Raises:
+            ValueError: A text is no value of its setting.
+        """
+        held = {one.name: (one, texts.get(one.metadata["key"] or one.name, "")) for one in fields(cls)}
+        return cls(**{name: one.metadata["read"](text) for name, (one, text) in held.items() if text})
+
+
+def software_versions() -> dict[str, str]:
+    """Return the versions that must agree for the same bits to be expected, by name."""
+    return {
+        "ldcs_ros": __version__,
+        "python": platform.python_version(),
+        **{library: metadata.version(library) for library in ("numpy", "scipy", "numba")},
+        # A kernel cannot change a result; these can.
+        "platform": "-".join([platform.system(), platform.machine(), *platform.libc_ver()]),
+    }
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)
