@@ -1,6 +1,6 @@
 """Two recordings side by side: aligned in time, resampled, their differences told in numbers and pictures.
 
-Recording -> Side (series, surface) -> offset of the clocks -> differences -> tolerances -> report, pictures, status
+Recording -> Signals (series, surface) -> offset of the clocks -> differences -> tolerances -> report, pictures, status
 """
 
 from __future__ import annotations

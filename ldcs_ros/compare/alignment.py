@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ldcs_ros.signals.resample import common
-from ldcs_ros.signals.series import Series
+from ldcs_ros.signals.series import Series, resample_common
 
 # Two recordings must share at least this part of the shorter one.
 LEAST_OVERLAP = 0.5
@@ -72,7 +71,12 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     channels = tuple(moving)
     if rest > BELIEVED:
         return Offset(
-            0.0, best, None, rest, channels, "the two motions have too little in common: 0 is assumed"
+            0.0,
+            best,
+            None,
+            rest,
+            channels,
+            "the two motions have too little in common: 0 is assumed",
         )
     return Offset(
         best, best, _uncertainty(list(moving.values()), best), rest, channels, "estimated from motion"
@@ -93,7 +97,7 @@ def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, sized: bool
     """
     left, total = 0.0, 0.0
     for (a, b), scale in scaled:
-        time, ours, theirs, _ = common(a, b, offset, most=MOST_TIMES)
+        time, ours, theirs, _ = resample_common(a, b, offset, most=MOST_TIMES)
         if len(time) < 4:
             return 1.0
         both = np.var(ours, axis=0) + np.var(theirs, axis=0)
@@ -148,7 +152,7 @@ def _uncertainty(pairs: list[Pair], offset: float) -> float | None:
     """Return the standard deviation of the offset from the differences left and the speeds, as in least squares."""
     information = 0.0
     for a, b in pairs:
-        time, ours, theirs, _ = common(a, b, offset)
+        time, ours, theirs, _ = resample_common(a, b, offset)
         if len(time) < 5:
             continue
         noise = np.var(ours - theirs, axis=0) + 1e-18

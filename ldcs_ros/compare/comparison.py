@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from ldcs_ros.compare.alignment import Offset, estimate_offset
+from ldcs_ros.bags import Recording
+from ldcs_ros.compare.alignment import Offset, Pair, estimate_offset
 from ldcs_ros.compare.difference import ChannelDifference, Figures, channel_difference
 from ldcs_ros.compare.field import FieldDifference, field_difference
 from ldcs_ros.compare.tolerances import Check, Tolerances, check
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.signals import Mapping
-from ldcs_ros.signals.series import Side, side_of
+from ldcs_ros.signals.signals import Signals, read_signals
 
 SURFACE = "surface"
 
@@ -55,8 +55,8 @@ class Comparison:
         checks: Limits and what came out.
     """
 
-    a: Side
-    b: Side
+    a: Signals
+    b: Signals
     offset: Offset
     channels: dict[str, ChannelDifference]
     surface: FieldDifference | None
@@ -71,7 +71,7 @@ class Comparison:
         return all(one.passed for one in self.checks)
 
 
-def compare(recording_a: Any, recording_b: Any, options: Options) -> Comparison:
+def compare(recording_a: Recording, recording_b: Recording, options: Options) -> Comparison:
     """Return how two recordings differ, A - B.
 
     Raises:
@@ -81,7 +81,7 @@ def compare(recording_a: Any, recording_b: Any, options: Options) -> Comparison:
     """
     names = _names(recording_a.name, recording_b.name)
     a, b = (
-        side_of(recording, name=name, mapping=mapping, measured=options.measured)
+        read_signals(recording, name=name, mapping=mapping, measured=options.measured)
         for recording, name, mapping in zip((recording_a, recording_b), names, options.mappings, strict=True)
     )
     pairs = {
@@ -112,7 +112,7 @@ def compare(recording_a: Any, recording_b: Any, options: Options) -> Comparison:
     return replace(comparison, checks=tuple(check(options.tolerances, _figures(comparison))))
 
 
-def _offset(pairs: Any, a: Side, b: Side, options: Options) -> Offset:
+def _offset(pairs: dict[str, Pair], a: Signals, b: Signals, options: Options) -> Offset:
     estimated = estimate_offset(pairs)
     if options.offset is not None:
         return replace(estimated, value=options.offset, reason="given")
@@ -140,7 +140,7 @@ def _names(a: str, b: str) -> tuple[str, str]:
     return (a, b) if one == two else (one, two)
 
 
-def _only(a: Side, b: Side) -> tuple[str, ...]:
+def _only(a: Signals, b: Signals) -> tuple[str, ...]:
     told = []
     for one, other in ((a, b), (b, a)):
         names = sorted(one.series.keys() - other.series.keys())

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.signals.resample import common
-from ldcs_ros.signals.series import Series
+from ldcs_ros.signals.series import Series, resample_common
 
 # The end of a run, over which the final difference is averaged.
 END_SHARE = 0.05
@@ -73,7 +72,7 @@ def channel_difference(
         side_length: Length of the sheet [m].
         relative: Compare what changed since the first common time, not the values themselves.
     """
-    time, ours, theirs, skipped = common(a, b, offset)
+    time, ours, theirs, skipped = resample_common(a, b, offset)
     if not len(time):
         return None
     if relative:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.compare.difference import Figures, figures
-from ldcs_ros.signals.interpolate import SAME_TIME, at_times, curve
-from ldcs_ros.signals.series import surface_values
+from ldcs_ros.signals.series import SAME_TIME, at_times, curve
+from ldcs_ros.signals.signals import surface_values
 from ldcs_ros.signals.tracks import SurfaceTrack
 
 # Moments compared at most: a long run is sampled evenly.

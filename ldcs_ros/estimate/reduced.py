@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 
 from ldcs_ros.estimate.basis import main_directions, rest_shapes
 from ldcs_ros.physics.inputs import HeldInputs, Valve
+from ldcs_ros.physics.model import Model
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
 
@@ -38,7 +39,7 @@ class ReducedModel:
 
     def __init__(self, scene: Scene, point: str, *, shapes: int = 24) -> None:
         self.simulation = scene.build()
-        self.model: Any = self.simulation.model
+        self.model: Model = self.simulation.model
         with one_thread():
             mean, directions = main_directions(rest_shapes(scene, point), shapes)
         self.n = len(directions)

@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ldcs_ros.bags import read_bag
+from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
-from ldcs_ros.replay.foreign import mapped_commands
+from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
 from ldcs_ros.replay.session import without_schedule
 from ldcs_ros.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
-from ldcs_ros.signals.series import side_of
+from ldcs_ros.signals.series import Series
+from ldcs_ros.signals.signals import read_signals
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.twin.commands import Commands, Refusal
 
 
@@ -98,7 +100,7 @@ def read_experiment(
         commands, told = _converted(recording, meaning, scene, name)
         remarks += told
         schedule, settled, shift = (), meaning.initial == "rest", 0.0
-    side = side_of(recording, name=name, mapping=meaning, measured=True)
+    side = read_signals(recording, name=name, mapping=meaning, measured=True)
     remarks += side.remarks
     points = tuple(point for point in scene.points if point in side.series)
     if not points:
@@ -137,18 +139,18 @@ def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Co
     return tuple(kept)
 
 
-def _commanded(simulation: Any) -> list[Any]:
+def _commanded(simulation: Simulation) -> list[Any]:
     inputs = simulation.inputs
     return [None if value is None else value.tolist() for value in (inputs.pressure, inputs.torque)]
 
 
 def _converted(
-    recording: Any, mapping: Mapping, scene: Scene, name: str
+    recording: Recording, mapping: Mapping, scene: Scene, name: str
 ) -> tuple[tuple[Command, ...], list[str]]:
     # A rig's messages become the twin's own once, here: what they turn into depends on earlier commands only.
     simulation = scene.build()
     receiver = Commands(simulation)
-    entries, intakes, _ = mapped_commands(recording, mapping)
+    entries, reports, _ = mapped_commands(recording, mapping)
     commands = []
     for entry in entries:
         command = entry.command(simulation)
@@ -164,10 +166,10 @@ def _converted(
         raise SceneError(
             f"{name}: no command of the bag fits the scene: {receiver.last_refusal or 'none is mapped'}"
         )
-    return tuple(commands), [f"{i.topic}: {', '.join(i.remarks())}" for i in intakes if i.remarks()]
+    return tuple(commands), [f"{i.topic}: {', '.join(i.remarks())}" for i in reports if i.remarks()]
 
 
-def _noise(given: float | None, scene: Scene | None, tracks: list[Any]) -> tuple[float, str]:
+def _noise(given: float | None, scene: Scene | None, tracks: list[Series]) -> tuple[float, str]:
     if given is not None:
         return given, "given"
     tracker = None if scene is None else scene.sensors.get("tracker")

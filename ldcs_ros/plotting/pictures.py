@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting.drives import drives_figure
 from ldcs_ros.plotting.motion import check_kind, save_motion
@@ -28,7 +28,7 @@ _SAMPLES = 60  # clouds looked at to find where the motion is
 
 
 def draw(
-    recording: Any,
+    recording: Recording,
     folder: Path,
     *,
     times: Sequence[float] | None = None,

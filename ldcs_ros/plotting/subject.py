@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.points import Point, point_at
+from ldcs_ros.bags import Recording
+from ldcs_ros.messages.display.loads import StandingLoad, standing_loads
+from ldcs_ros.physics.effects.base import Effect
+from ldcs_ros.physics.effects.driven_edges import DrivenEdges
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.signals.tracks import SurfaceTrack
-
-
-@dataclass(frozen=True)
-class Load:
-    """A load to mark.
-
-    Attributes:
-        point: Where it acts.
-        label: What to write beside it, with unit.
-        direction: Unit vector of a force in ldcs_base, shape (3,); None for a mass.
-    """
-
-    point: Point
-    label: str
-    direction: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -43,23 +31,20 @@ class Subject:
     rest: np.ndarray
     point_rest: dict[str, np.ndarray]
     driven: tuple[int, ...]
-    loads: tuple[Load, ...]
+    loads: tuple[StandingLoad, ...]
 
 
-def subject_of(recording: Any, track: SurfaceTrack) -> Subject:
+def subject_of(recording: Recording, track: SurfaceTrack) -> Subject:
     """Return what a bag says about its scene; a bag without one starts at rest and has nothing to mark."""
-    text = recording.custom_data.get("scene")
-    if text is None:
+    scene = recorded_scene(recording)
+    if scene is None:
         return Subject(recording.name, track.position(0), {}, (), ())
-    from ldcs_ros.scene.load import parse_scene
-
-    scene = parse_scene(text, name=recording.custom_data.get("scene_name", ""), origin=recording.name)
     return subject_of_scene(scene, title=scene.title or recording.name)
 
 
-def subject_of_scene(scene: Any, *, title: str) -> Subject:
+def subject_of_scene(scene: Scene, *, title: str) -> Subject:
     """Return what a scene says, under a title."""
-    lattice: Lattice = scene.lattice
+    lattice = scene.lattice
     effects = scene.effects
     rest = lattice.rest_position
     return Subject(
@@ -67,28 +52,15 @@ def subject_of_scene(scene: Any, *, title: str) -> Subject:
         rest=rest.reshape(2, *lattice.nodes, 3),
         point_rest={name: point.position(rest) for name, point in scene.points.items()},
         driven=_driven_rows(effects, lattice.nodes[1]),
-        loads=tuple(_loads(effects, lattice, scene.points)),
+        loads=tuple(standing_loads(lattice, scene.points, effects)),
     )
 
 
-def _driven_rows(effects: Any, ny: int) -> tuple[int, ...]:
+def _driven_rows(effects: tuple[Effect, ...], ny: int) -> tuple[int, ...]:
     rows: set[int] = set()
     for effect in effects:
         if effect.name == "arms":
             rows |= {0, ny - 1}
-        elif effect.name == "driven_edges":
+        elif isinstance(effect, DrivenEdges):
             rows |= {0 if edge == "y_min" else ny - 1 for edge in effect.edges}
     return tuple(sorted(rows))
-
-
-def _loads(effects: Any, lattice: Lattice, points: dict[str, Point]) -> list[Load]:
-    loads = []
-    for effect in effects:
-        if effect.name == "payload":
-            loads.append(Load(point_at(lattice, effect.at, points), f"{1e3 * effect.mass:g} g", None))
-        elif effect.name == "force":
-            value = np.asarray(effect.value, dtype=float)
-            size = float(np.linalg.norm(value))
-            if size > 0.0:
-                loads.append(Load(point_at(lattice, effect.at, points), f"{size:g} N", value / size))
-    return loads

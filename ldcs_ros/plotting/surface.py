@@ -217,7 +217,7 @@ def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large:
 
 def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool, look: Look) -> None:
     halo = [withStroke(linewidth=2.5 * look.scale, foreground="white")]
-    for load in subject.loads:
+    for load in (one for one in subject.loads if one.mass > 0.0 or one.force.any()):
         spot = load.point.position(place.reshape(-1, 3))
         dot = {
             "s": (75 if large else 34) * look.scale**2,
@@ -226,15 +226,17 @@ def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: boo
             "depthshade": False,
         }
         axes.scatter(*spot, color=LOAD_COLOUR, zorder=5, **dot)
-        if load.direction is not None:
-            arrow = _ARROW_LENGTH * load.direction
+        size = float(np.linalg.norm(load.force))
+        label = f"{1e3 * load.mass:g} g" if load.mass > 0.0 else f"{size:g} N"
+        if load.mass == 0.0:
+            arrow = _ARROW_LENGTH * load.force / size
             axes.quiver(
                 *spot, *arrow, color=LOAD_COLOUR, linewidth=2.0 * look.scale, arrow_length_ratio=0.3, zorder=5
             )
         lift = spot + [0.0, 0.0, _LABEL_LIFT]
         axes.text(
             *lift,
-            load.label,
+            label,
             color=LOAD_COLOUR,
             fontsize=look.label if look.headed or large else look.label - 1.0,
             ha="center",

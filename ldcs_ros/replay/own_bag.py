@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ldcs_ros.bags import Message, Recording
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.topics import TOPICS, Topic
-from ldcs_ros.replay.feed import RecordedCommand, is_counted
+from ldcs_ros.replay.drive import RecordedCommand, is_counted
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.twin.recorder import DEFAULT_NAMESPACE

@@ -13,14 +13,14 @@ import yaml
 
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
-from ldcs_ros.replay.feed import Outcome, feed
-from ldcs_ros.replay.foreign import mapped_commands
+from ldcs_ros.replay.drive import Outcome, drive
+from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
-from ldcs_ros.signals.intake import Intake
+from ldcs_ros.signals.channels import ChannelReport
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
@@ -59,7 +59,7 @@ class Replay:
     Attributes:
         twin: The twin at the end.
         outcome: Counts of the commands.
-        intakes: What was found in each mapped topic; empty for a bag of our own.
+        reports: What was found in each mapped topic; empty for a bag of our own.
         verdict: How it compares with the original; None if it is another run by intent.
         recorder: The bag that was written.
         start: Simulation time at which it began [s].
@@ -67,7 +67,7 @@ class Replay:
 
     twin: Twin
     outcome: Outcome
-    intakes: tuple[Intake, ...]
+    reports: tuple[ChannelReport, ...]
     verdict: Verdict | None
     recorder: Recorder
     start: float
@@ -155,7 +155,7 @@ def _replay_foreign(
             f"{recording.name} does not say what it is a recording of; "
             "name the scene that stands for it, such as --scene rig"
         )
-    commands, intakes, origin = mapped_commands(recording, mapping)
+    commands, reports, origin = mapped_commands(recording, mapping)
     settings = RunSettings(
         seed=changes.seed,
         accuracy=changes.accuracy,
@@ -170,7 +170,7 @@ def _replay_foreign(
     said = {"replay_of": Path(recording.name).name, "log_time_of_start": str(origin - start)}
     recorder = Recorder(folder, twin, custom_data=said)
     outcome = _run(twin, commands, recorder, end=end, last=None, tell=tell, stop=stop)
-    return Replay(twin, outcome, tuple(intakes), None, recorder, start / 1e9)
+    return Replay(twin, outcome, tuple(reports), None, recorder, start / 1e9)
 
 
 def _run(
@@ -185,7 +185,7 @@ def _run(
 ) -> Outcome:
     twin.sinks.append(recorder)
     try:
-        return feed(twin, entries, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
+        return drive(twin, entries, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
     except DivergenceError as error:
         recorder.close()
         raise DivergenceError(

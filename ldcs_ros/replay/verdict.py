@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any
 
 import numpy as np
 
+from ldcs_ros.bags import Channel, Recording
 from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.signals.topics import find_topic
 from ldcs_ros.signals.tracks import CLOUD, cloud_positions
 
 MEASURED = {topic.type for topic in TOPICS.values() if topic.measured}
@@ -44,7 +45,9 @@ class Verdict:
         return self.largest is not None and self.allowed is not None and self.largest <= self.allowed
 
 
-def compare_runs(original: Any, again: Any, *, allowed: float | None, differing: tuple[str, ...]) -> Verdict:
+def compare_runs(
+    original: Recording, again: Recording, *, allowed: float | None, differing: tuple[str, ...]
+) -> Verdict:
     """Return the verdict on two recordings of the same run, as far as the original goes."""
     ours, theirs = _comparable(original), _comparable(again)
     topics, missing = sorted(ours & theirs), sorted(ours ^ theirs)
@@ -66,11 +69,11 @@ def compare_runs(original: Any, again: Any, *, allowed: float | None, differing:
     return Verdict(same, messages, difference, largest, allowed, differing)
 
 
-def _comparable(recording: Any) -> set[str]:
+def _comparable(recording: Recording) -> set[str]:
     return {topic for topic, info in recording.topics.items() if info.type not in MEASURED}
 
 
-def _largest(original: Any, again: Any) -> float | None:
+def _largest(original: Recording, again: Recording) -> float | None:
     """Return the largest distance of a node at the times that both have [m]."""
     ours, theirs = _clouds(original), _clouds(again)
     if ours is None or theirs is None:
@@ -88,8 +91,6 @@ def _largest(original: Any, again: Any) -> float | None:
     return largest
 
 
-def _clouds(recording: Any) -> Any:
-    for topic, channel in recording.channels.items():
-        if topic.endswith("/nodes") and channel.type == CLOUD:
-            return channel
-    return None
+def _clouds(recording: Recording) -> Channel | None:
+    topic = find_topic(recording, "nodes", CLOUD)
+    return None if topic is None else recording.channels[topic]

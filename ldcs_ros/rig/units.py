@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.signals.units import PRESSURE
+from ldcs_ros.signals.mapping import PRESSURE
 
 # The units of mapping files: one table for a rig on the wire and in a bag.
 PASCALS: dict[str, float] = PRESSURE

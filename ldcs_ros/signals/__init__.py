@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ldcs_ros.errors import MappingError
-from ldcs_ros.signals.load import load_mapping
-from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
+from ldcs_ros.signals.mapping import CommandSource, Mapping, MeasurementSource, load_mapping
 from ldcs_ros.signals.topics import guess_mapping
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import MappingError
-from ldcs_ros.signals.units import STANDARD_ATMOSPHERE
+from ldcs_ros.signals.mapping import STANDARD_ATMOSPHERE
 
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -91,7 +91,7 @@ def stamp(message: Any) -> int | None:
     return time or None
 
 
-def usual_offset(message_type: str, ambient: float = STANDARD_ATMOSPHERE) -> float:
+def default_offset(message_type: str, ambient: float = STANDARD_ATMOSPHERE) -> float:
     """Return what to subtract for gauge pressure [Pa]: FluidPressure is absolute by its definition."""
     return ambient if message_type == FLUID_PRESSURE else 0.0
 

@@ -1,33 +1,45 @@
-"""One side of a comparison: what a recording says of points, pressures, joints and the surface, over time."""
+"""Series: the values of one channel over time, curves through them, and two series at common times."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-
-from ldcs_ros.errors import RecordingError
-from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
-from ldcs_ros.signals.intake import Intake, take_in
-from ldcs_ros.signals.interpolate import curve
-from ldcs_ros.signals.tracks import (
-    CLOUD,
-    JOINTS,
-    POSE,
-    PRESSURE,
-    SurfaceTrack,
-    Track,
-    joint_tracks,
-    point_tracks,
-    pressure_tracks,
-    surface_track,
-)
-from ldcs_ros.signals.units import STANDARD_ATMOSPHERE
+from scipy.interpolate import CubicSpline, interp1d
 
 AXES = ("x", "y", "z")
-_READ = (CLOUD, JOINTS, POSE, PRESSURE)
+Curve = Callable[[np.ndarray], np.ndarray]
+"""Times [s] of any shape -> values, shape (..., k)."""
+SAME_TIME = 2e-9
+"""Times this close are one time [s]: stamps have nanoseconds, times of a simulation are rounded to them."""
+
+
+def curve(time: np.ndarray, value: np.ndarray, *, smooth: bool) -> Curve:
+    """Return a callable time -> values, shape (..., k): a cubic spline, or straight lines through noisy values.
+
+    Outside of the times it was made for, it keeps the first and the last value.
+    """
+    if smooth and len(time) >= 4:
+        spline = CubicSpline(time, value, axis=0)
+        return lambda asked: spline(np.clip(asked, time[0], time[-1]))
+    if len(time) == 1:
+        return lambda asked: np.broadcast_to(value[0], (*np.shape(asked), *value.shape[1:]))
+    lines: Curve = interp1d(
+        time, value, axis=0, assume_sorted=True, bounds_error=False, fill_value=(value[0], value[-1])
+    )
+    return lines
+
+
+def at_times(time: np.ndarray, value: np.ndarray, asked: np.ndarray, through: Curve) -> np.ndarray:
+    """Return values at some times: those that are there if all are, and else those of a curve `through` them."""
+    # Runs of the same scene have the same stamps.
+    index = np.clip(np.searchsorted(time, asked - SAME_TIME), 0, len(time) - 1)
+    if np.all(np.abs(time[index] - asked) <= SAME_TIME):
+        found: np.ndarray = value[index]
+        return found
+    return np.asarray(through(asked))
 
 
 @dataclass(frozen=True)
@@ -49,57 +61,9 @@ class Series:
     smooth: bool
 
     @cached_property
-    def curve(self) -> Any:
+    def curve(self) -> Curve:
         """A callable time [s] -> values, shape (..., k)."""
         return curve(self.time, self.value, smooth=self.smooth)
-
-
-@dataclass(frozen=True)
-class Side:
-    """What is compared of one recording.
-
-    Attributes:
-        name: How the report calls it.
-        series: Channels by name: points (`P1`), `left/pressure` (gauge), `joint/left_joint_1`.
-        surface: All nodes over time, None if they are not recorded.
-        in_simulation_time: Its times are a simulation's, which begins at zero.
-        side_length: Length of the sheet [m], None if the recording does not say.
-        title: Title of its scene, '' without one.
-        remarks: What was odd in it, in words.
-    """
-
-    name: str
-    series: dict[str, Series]
-    surface: SurfaceTrack | None
-    in_simulation_time: bool
-    side_length: float | None = None
-    title: str = ""
-    remarks: list[str] = field(default_factory=list)
-
-
-def side_of(recording: Any, *, name: str, mapping: Mapping | None, measured: bool) -> Side:
-    """Return what a recording says.
-
-    Args:
-        recording: A Recording.
-        name: How to call it.
-        mapping: What the topics of a rig's bag mean; None to read a twin's bag as such and to guess others.
-        measured: Take what a twin's tracker reports for the points, not where they truly are.
-
-    Raises:
-        RecordingError: Nothing in it can be compared.
-        MappingError: The mapping does not fit.
-    """
-    if mapping is None and ("scene" in recording.custom_data or _has_truth(recording)):
-        side = _twin_side(recording, name, measured)
-    else:
-        side = _rig_side(recording, name, mapping or guess_mapping(recording))
-    if not side.series and side.surface is None:
-        raise RecordingError(
-            f"{recording.name} holds no points, pressures, joints or nodes; name its topics in a mapping file, "
-            f"it has {sorted(recording.topics)}"
-        )
-    return side
 
 
 def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -111,142 +75,49 @@ def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return time_kept[first], value_kept[first], len(time) - int(first.sum())
 
 
-def _twin_side(recording: Any, name: str, measured: bool) -> Side:
-    said = recording.custom_data
-    recording.load([topic for topic, info in recording.topics.items() if info.type in _READ])
-    remarks: list[str] = []
-    series: dict[str, Series] = {}
-    truth, reported = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
-    points = {**truth, **reported} if measured else {**reported, **truth}
-    for point, track in points.items():
-        smooth = point in truth and not (measured and point in reported)
-        _add(series, point, track.time, track.value, AXES, "m", smooth, remarks)
-    ambient = float(said.get("ambient_pressure", STANDARD_ATMOSPHERE))
-    for arm, track in pressure_tracks(recording).items():
-        _add(
-            series, f"{arm}/pressure", track.time, track.value[:, None] - ambient, ("",), "Pa", False, remarks
-        )
-    joints = joint_tracks(recording)
-    if joints is not None:
-        names, angle, _ = joints
-        for k, joint in enumerate(names):
-            _add(series, f"joint/{joint}", angle.time, angle.value[:, k : k + 1], ("",), "rad", True, remarks)
-    try:
-        surface = surface_track(recording)
-    except RecordingError:
-        surface = None
-    length, title = _scene_says(recording)
-    # A wall clock is far from zero; a track then counts from the start of its recording.
-    simulated = recording.start < 10 * 365 * 86_400 * 10**9
-    return Side(name, series, surface, simulated, length, title, remarks)
+# Where a series is silent for this many of its usual periods, nothing is made up between its values.
+GAP_PERIODS = 5.0
 
 
-def _scene_says(recording: Any) -> tuple[float | None, str]:
-    text = recording.custom_data.get("scene")
-    if text is None:
-        return None, ""
-    from ldcs_ros.scene.load import parse_scene
+def resample_common(
+    a: Series, b: Series, offset: float, *, most: int | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return times on A's clock, both sides' values there, and how many times fell into gaps.
 
-    scene = parse_scene(text, name=recording.custom_data.get("scene_name", ""), origin=recording.name)
-    return scene.lattice.size[0], scene.title
+    The times are those of the noisier side, or else of the sparser one: noise is never interpolated if the
+    other side is smooth.
 
-
-def _rig_side(recording: Any, name: str, mapping: Mapping) -> Side:
-    remarks: list[str] = []
-    series: dict[str, Series] = {}
-    for source in mapping.measurements:
-        intake = Intake(source.topic)
-        heard = take_in(recording, source.topic, intake, by="stamp", late=mapping.late, gap=mapping.gap)
-        kind = recording.topics[source.topic].type
-        time, value = _measured(heard, source, kind, intake, mapping.ambient_pressure)
-        told = intake.remarks()
-        remark = f"{source.topic}: {', '.join(told)}"
-        if told and remark not in remarks:
-            remarks.append(remark)
-        if not len(time):
-            remarks.append(f"{source.topic}: no message for {source.to}")
-            continue
-        axes, unit = (("",), "Pa") if source.to.endswith("/pressure") else (AXES, "m")
-        if source.to.startswith("joint/"):
-            axes, unit = ("",), "rad"
-        _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, remarks)
-    return Side(name, series, None, False, remarks=remarks)
+    Args:
+        a: One side.
+        b: The other side; something at t on A's clock has t + offset on B's.
+        offset: What B's clock is ahead of A's [s].
+        most: Times at most, evenly chosen; None for all.
+    """
+    by_a = reference_is_first(a, b)
+    lead, other, shift = (a, b, offset) if by_a else (b, a, -offset)
+    start, end = other.time[0] - shift - SAME_TIME, other.time[-1] - shift + SAME_TIME
+    index = np.flatnonzero((lead.time >= start) & (lead.time <= end))
+    if most is not None and len(index) > most:
+        index = index[np.linspace(0, len(index) - 1, most).astype(int)]
+    asked = lead.time[index] + shift
+    known = _covered(other.time, asked)
+    skipped = len(index) - int(known.sum())
+    index, asked = index[known], asked[known]
+    led, at = lead.value[index], at_times(other.time, other.value, asked, other.curve)
+    return (lead.time[index], led, at, skipped) if by_a else (asked, at, led, skipped)
 
 
-def _measured(
-    heard: list[Any], source: MeasurementSource, kind: str, intake: Intake, ambient: float
-) -> tuple[np.ndarray, np.ndarray]:
-    times, values = [], []
-    for one in heard:
-        try:
-            value = _value(one.message, source, kind, ambient)
-        except MappingError as error:
-            intake.malformed += 1
-            intake.problem = intake.problem or str(error)
-            continue
-        if value is not None:
-            times.append(one.time)
-            values.append(value)
-    return np.array(times, dtype=np.int64), np.array(values)
+def reference_is_first(a: Series, b: Series) -> bool:
+    if a.smooth != b.smooth:
+        return b.smooth
+    return len(a.time) <= len(b.time)
 
 
-def _value(message: Any, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray | None:
-    if source.to.endswith("/pressure"):
-        offset = fields.usual_offset(kind, ambient) if source.offset is None else source.offset
-        return np.array([source.scale * _number(message, source, kind, source.field) - offset])
-    if source.to.startswith("joint/"):
-        path = source.field or ("position" if kind == "sensor_msgs/msg/JointState" else "")
-        return np.array([source.scale * _number(message, source, kind, path)])
-    place = fields.position(message, source.field, kind, source.child)
-    if place is None:
-        return None
-    turned: np.ndarray = np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
-    return turned
-
-
-def _number(message: Any, source: MeasurementSource, kind: str, path: str) -> float:
-    values = fields.numbers(message, path, kind)
-    joint = source.to.removeprefix("joint/")
-    index = source.index
-    if index is None and joint != source.to and joint in getattr(message, "name", ()):
-        index = list(message.name).index(joint)
-    if index is None and values.size != 1:
-        raise MappingError(f"{source.topic} has {values.size} values; say with 'index:' which is {source.to}")
-    if index is not None and index >= values.size:
-        raise MappingError(f"{source.topic} has {values.size} values, there is no index {index}")
-    return float(values[index or 0])
-
-
-def _turned(quaternion: tuple[float, float, float, float], vector: np.ndarray) -> np.ndarray:
-    axis, scalar = np.asarray(quaternion[:3]), quaternion[3]
-    across = np.cross(axis, vector)
-    turned: np.ndarray = vector + 2.0 * (scalar * across + np.cross(axis, across))
-    return turned
-
-
-def _add(
-    series: dict[str, Series],
-    name: str,
-    time: np.ndarray,
-    value: np.ndarray,
-    axes: tuple[str, ...],
-    unit: str,
-    smooth: bool,
-    remarks: list[str],
-) -> None:
-    time, value, dropped = clean(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
-    if dropped:
-        remarks.append(f"{name}: {dropped} values dropped that were not finite or had the time of another")
-    if len(time):
-        series[name] = Series(time, value, axes, unit, smooth)
-
-
-def _has_truth(recording: Any) -> bool:
-    return any("/truth/" in topic for topic in recording.topics)
-
-
-def surface_values(surface: SurfaceTrack) -> Track:
-    """Return all node positions over time [m], shape (n, 2, nx, ny, 3), each time once."""
-    first = np.append(True, np.diff(surface.time) > 0.0)
-    places = np.stack([surface.position(int(k)) for k in np.flatnonzero(first)])
-    return Track(surface.time[first], places)
+def _covered(known: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    if len(known) < 3:
+        return np.ones(len(asked), dtype=bool)
+    longest = GAP_PERIODS * float(np.median(np.diff(known)))
+    right = np.clip(np.searchsorted(known, asked), 1, len(known) - 1)
+    near = np.minimum(np.abs(asked - known[right - 1]), np.abs(asked - known[right])) <= SAME_TIME
+    covered: np.ndarray = near | (known[right] - known[right - 1] <= longest)
+    return covered

@@ -5,8 +5,7 @@ from __future__ import annotations
 from ldcs_ros.bags import Recording
 from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
-from ldcs_ros.signals.load import COMMANDS
-from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
+from ldcs_ros.signals.mapping import COMMANDS, CommandSource, Mapping, MeasurementSource
 
 _COMMAND_TYPES = {
     "pressure_command": "std_msgs/msg/Float64MultiArray",

@@ -1,22 +1,28 @@
-"""Tracks: what pictures need out of a Recording, as arrays over time [s], in ldcs_base and SI units.
+"""Tracks and snapshots: the topics of a Recording as arrays over time, and each recorded surface with its loads.
 
-Topics are found by the end of their name and their type, so a namespace in front does not matter.
+Times are in seconds, values in ldcs_base and SI units.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ldcs_ros.bags import Channel, Recording
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.messages.display.markers import Shown
+from ldcs_ros.physics.inputs import Wrench
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.signals.topics import find_topic, find_topics
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 POSE = "geometry_msgs/msg/PoseStamped"
 JOINTS = "sensor_msgs/msg/JointState"
 PRESSURE = "sensor_msgs/msg/FluidPressure"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 
 # A stamp beyond this is a wall clock, not a simulation time: count from the recording's start instead.
 _WALL_CLOCK = 10 * 365 * 86_400 * 1_000_000_000
@@ -55,7 +61,7 @@ class SurfaceTrack:
         nodes: Nodes along x and y.
     """
 
-    def __init__(self, channel: Any, start: int) -> None:
+    def __init__(self, channel: Channel, start: int) -> None:
         self._messages: Sequence[Any] = channel.messages
         first = self._messages[0]
         self.nodes: tuple[int, int] = (first.height // 2, first.width)
@@ -89,61 +95,65 @@ def cloud_positions(cloud: Any) -> np.ndarray:
     return np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
 
 
-def surface_track(recording: Any) -> SurfaceTrack:
+def surface_track(recording: Recording) -> SurfaceTrack:
     """Return the surface of a recording.
 
     Raises:
         RecordingError: The recording holds no organised cloud named `nodes`.
     """
-    for topic, channel in recording.channels.items():
-        if _ends(topic, "nodes") and channel.type == CLOUD and len(channel.messages):
-            return SurfaceTrack(channel, recording.start)
-    raise RecordingError(
-        f"the bag holds no topic 'nodes' of type {CLOUD}, only {sorted(recording.channels)}; "
-        "record the twin's nodes topic to draw its surface"
-    )
+    return SurfaceTrack(recording.channels[surface_topic(recording)], recording.start)
 
 
-def point_tracks(recording: Any, *, truth: bool) -> dict[str, Track]:
+def surface_topic(recording: Recording) -> str:
+    """Return the topic of the surface.
+
+    Raises:
+        RecordingError: The recording holds no organised cloud named `nodes`.
+    """
+    topic = find_topic(recording, "nodes", CLOUD)
+    if topic is None:
+        raise RecordingError(
+            f"{recording.name} holds no topic 'nodes' of type {CLOUD}, only {sorted(recording.topics)}; "
+            "record the twin's topic 'nodes' to see its surface"
+        )
+    return topic
+
+
+def point_tracks(recording: Recording, *, truth: bool) -> dict[str, Track]:
     """Return positions [m], shape (n, 3), by point: true ones (`truth/<name>/pose`) or the tracker's."""
-    tracks = {}
-    for topic, channel in _longest_first(recording):
+    tracks: dict[str, Track] = {}
+    for topic in find_topics(recording, "pose", POSE):
         parts = topic.strip("/").split("/")
         is_truth = len(parts) >= 3 and parts[-3] == "truth"
-        if (
-            channel.type != POSE
-            or parts[-1] != "pose"
-            or len(parts) < 2
-            or is_truth != truth
-            or not len(channel.messages)
-        ):
+        if len(parts) < 2 or is_truth != truth or parts[-2] in tracks:
             continue
-        messages = list(channel.messages)
+        messages = list(recording.channels[topic].messages)
         place = np.array([[m.pose.position.x, m.pose.position.y, m.pose.position.z] for m in messages])
         tracks[parts[-2]] = Track(_stamps(messages, recording.start), place)
     return tracks
 
 
-def joint_tracks(recording: Any) -> tuple[tuple[str, ...], Track, Track] | None:
+def joint_tracks(recording: Recording) -> tuple[tuple[str, ...], Track, Track] | None:
     """Return joint names, angles [rad], torques [N m], shape (n, n_joints) each; None without arms."""
-    for topic, channel in recording.channels.items():
-        if _ends(topic, "joint_states") and channel.type == JOINTS and len(channel.messages):
-            messages = list(channel.messages)
-            time = _stamps(messages, recording.start)
-            angle = np.array([m.position for m in messages])
-            torque = np.array([m.effort for m in messages])
-            return tuple(messages[0].name), Track(time, angle), Track(time, torque)
-    return None
+    topic = find_topic(recording, "joint_states", JOINTS)
+    if topic is None:
+        return None
+    messages = list(recording.channels[topic].messages)
+    time = _stamps(messages, recording.start)
+    angle = np.array([m.position for m in messages])
+    torque = np.array([m.effort for m in messages])
+    return tuple(messages[0].name), Track(time, angle), Track(time, torque)
 
 
-def pressure_tracks(recording: Any) -> dict[str, Track]:
+def pressure_tracks(recording: Recording) -> dict[str, Track]:
     """Return the measured absolute pressures [Pa], shape (n,), by arm name."""
-    tracks = {}
-    for topic, channel in _longest_first(recording):
-        if _ends(topic, "pressure") and channel.type == PRESSURE and len(channel.messages):
-            messages = list(channel.messages)
+    tracks: dict[str, Track] = {}
+    for topic in find_topics(recording, "pressure", PRESSURE):
+        parts = topic.strip("/").split("/")
+        if len(parts) > 1 and parts[-2] not in tracks:
+            messages = list(recording.channels[topic].messages)
             value = np.array([m.fluid_pressure for m in messages])
-            tracks[topic.strip("/").split("/")[-2]] = Track(_stamps(messages, recording.start), value)
+            tracks[parts[-2]] = Track(_stamps(messages, recording.start), value)
     return tracks
 
 
@@ -161,10 +171,91 @@ def _stamps(messages: Sequence[Any], start: int) -> np.ndarray:
     return seconds(stamps, start)
 
 
-def _longest_first(recording: Any) -> list[tuple[str, Any]]:
-    # A bridge reports its rig under `rig/P0/pose` beside the twin's own `P0/pose`: the shorter name, read last, stays.
-    return sorted(recording.channels.items(), key=lambda item: (-item[0].count("/"), item[0]))
+@dataclass(frozen=True)
+class Snapshot:
+    """One recorded surface and what belongs to it.
+
+    Attributes:
+        time: Log time [ns].
+        nodes: Nodes along x and y.
+        shown: The sheet, the arms and the commanded wrenches.
+    """
+
+    time: int
+    nodes: tuple[int, int]
+    shown: Shown
 
 
-def _ends(topic: str, name: str) -> bool:
-    return topic.strip("/").split("/")[-1] == name
+def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> Iterator[Snapshot]:
+    """Return the snapshots of a bag in their order.
+
+    Args:
+        recording: A Recording.
+        scene: Its scene, or None: then there are neither arms nor wrenches.
+        every: Take one surface out of so many.
+
+    Raises:
+        RecordingError: The bag holds no surface.
+    """
+    clouds = surface_topic(recording)
+    joints, wrench = (
+        find_topic(recording, "joint_states", JOINTS),
+        find_topic(recording, "external_wrench", WRENCH),
+    )
+    state = _LatestLoads(scene)
+    waiting: Snapshot | None = None
+    count = 0
+    for message in recording.in_order([topic for topic in (clouds, joints, wrench) if topic is not None]):
+        # What belongs to a surface is recorded behind it with the same time.
+        if waiting is not None and message.time > waiting.time:
+            yield state.complete(waiting)
+            waiting = None
+        if message.topic == clouds:
+            if count % every == 0:
+                cloud = recording.decode(message)
+                waiting = Snapshot(
+                    message.time, (cloud.height // 2, cloud.width), Shown(cloud_positions(cloud))
+                )
+            count += 1
+        elif message.topic == joints:
+            state.joints = np.asarray(recording.decode(message).position, dtype=float)
+        else:
+            state.take_wrench(message.time, recording.decode(message))
+    if waiting is not None:
+        yield state.complete(waiting)
+
+
+class _LatestLoads:
+    """The latest joint angles and wrenches of a bag."""
+
+    def __init__(self, scene: Scene | None) -> None:
+        self._links = 0 if scene is None or scene.effect("arms") is None else scene.effect("arms").links
+        self._takes_wrenches = scene is not None and scene.effect("wrench") is not None
+        self._schedule = () if scene is None else scene.inputs
+        self._next = 0
+        self._wrenches: dict[str, Wrench] = {}
+        self.joints = np.zeros(0)
+
+    def take_wrench(self, time: int, message: Any) -> None:
+        self._follow_schedule(time)
+        force, torque = message.wrench.force, message.wrench.torque
+        # Several twins in one tf tree have a prefix before each frame.
+        frame = message.header.frame_id.split("/")[-1]
+        self._wrenches[frame] = Wrench((force.x, force.y, force.z), (torque.x, torque.y, torque.z))
+
+    def complete(self, snapshot: Snapshot) -> Snapshot:
+        """Return the snapshot with arms and wrenches, also those that the scene's schedule commands."""
+        self._follow_schedule(snapshot.time)
+        angles = np.zeros((0, 0))
+        if self._links and self.joints.size and self.joints.size % self._links == 0:
+            angles = np.cumsum(self.joints.reshape(-1, self._links), axis=1)
+        wrenches = dict(self._wrenches) if self._takes_wrenches else {}
+        shown = Shown(snapshot.shown.position, angles, wrenches)
+        return Snapshot(snapshot.time, snapshot.nodes, shown)
+
+    def _follow_schedule(self, time: int) -> None:
+        while self._next < len(self._schedule) and 1e9 * self._schedule[self._next].time <= time:
+            if (scheduled := self._schedule[self._next].wrench) is not None:
+                frame, force, torque = scheduled
+                self._wrenches[frame] = Wrench(force, torque)
+            self._next += 1

@@ -13,6 +13,7 @@ from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.frames import PLAIN, Frames
 from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
 from ldcs_ros.physics.effects.wrench import ALIGNED
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.twin.wrench_course import WrenchCourse
 
 REASONS = (
@@ -61,7 +62,7 @@ class Commands:
         last_refusal: The latest refusal in words; '' while there was none.
     """
 
-    def __init__(self, simulation: Any, frames: Frames = PLAIN) -> None:
+    def __init__(self, simulation: Simulation, frames: Frames = PLAIN) -> None:
         self._simulation = simulation
         self._frames = frames
         self._apply: dict[str, Callable[[Any], None]] = {
@@ -267,7 +268,7 @@ def _check_finite(values: Iterable[float], what: str) -> None:
         raise Refusal("infinite", f"got {array.tolist()}, expected finite numbers for {what}")
 
 
-def _within_limits(setter: Callable[..., None], *arguments: Any, **keywords: Any) -> None:
+def _within_limits(setter: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
     # Size, numbers and names have been checked: what is left for the simulation to refuse is the amount.
     try:
         setter(*arguments, **keywords)

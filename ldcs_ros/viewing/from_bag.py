@@ -6,20 +6,23 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError, ViewingError
 from ldcs_ros.messages.display.markers import Markers
-from ldcs_ros.signals.moments import Moment, moments, scene_of, topic_of
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.signals.topics import find_topic, recorded_scene
 from ldcs_ros.signals.tracks import (
     CLOUD,
+    Snapshot,
     Track,
     joint_tracks,
     point_tracks,
     pressure_tracks,
     seconds,
+    snapshots,
 )
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.library import new_stream
@@ -55,7 +58,7 @@ class Written:
 
 
 def write_bag(
-    recording: Any,
+    recording: Recording,
     path: Path,
     *,
     until: float = math.inf,
@@ -79,8 +82,8 @@ def write_bag(
         RecordingError: The bag holds neither surface nor points until then.
         ViewingError: The viewer's library is missing, or the file cannot be written.
     """
-    scene = scene_of(recording)
-    clouds = topic_of(recording, "nodes", CLOUD)
+    scene = recorded_scene(recording)
+    clouds = find_topic(recording, "nodes", CLOUD)
     truth, measured = (_cut(point_tracks(recording, truth=kind), until) for kind in (True, False))
     if clouds is None and not truth and not measured:
         raise RecordingError(
@@ -106,14 +109,14 @@ def write_bag(
     times: list[float] = []
     if clouds is not None:
         markers = None if scene is None else Markers(scene)
-        for moment in moments(recording, scene, every=every):
-            time = float(seconds(np.array([moment.time]), recording.start)[0])
+        for snapshot in snapshots(recording, scene, every=every):
+            time = float(seconds(np.array([snapshot.time]), recording.start)[0])
             if time > until + _SAME_TIME:
                 break
             times.append(time)
-            _show(stage, markers, time, moment)
+            _show(stage, markers, time, snapshot)
             if progress is not None:
-                progress((moment.time - recording.start) / max(recording.end - recording.start, 1))
+                progress((snapshot.time - recording.start) / max(recording.end - recording.start, 1))
     stream.disconnect()
     present = np.concatenate([np.asarray(times), *(track.time for track in (truth or measured).values())])
     if not present.size:
@@ -122,27 +125,26 @@ def write_bag(
     return Written(round(float(present.min()), 9), round(float(present.max()), 9), *shown)
 
 
-def _show(stage: Stage, markers: Markers | None, time: float, moment: Moment) -> None:
-    stage.sheet(time, moment.nodes, moment.shown.position)
+def _show(stage: Stage, markers: Markers | None, time: float, snapshot: Snapshot) -> None:
+    stage.sheet(time, snapshot.nodes, snapshot.shown.position)
     if markers is not None:
-        stage.figures(ARMS, time, markers.figures("arms", moment.shown))
-        stage.figures(LOADS, time, markers.figures("loads", moment.shown))
+        stage.figures(ARMS, time, markers.figures("arms", snapshot.shown))
+        stage.figures(LOADS, time, markers.figures("loads", snapshot.shown))
 
 
 def _write_courses(
     stage: Stage,
-    recording: Any,
-    scene: Any | None,
+    recording: Recording,
+    scene: Scene | None,
     truth: dict[str, Track],
     measured: dict[str, Track],
     until: float,
 ) -> None:
     """Write the curves of points and drives."""
-    rest = {} if scene is None else scene.lattice.rest_position
     for name in sorted({*truth, *measured}):
         origin = (truth if name in truth else measured)[name].first
         if scene is not None and name in scene.points:
-            origin = scene.points[name].position(rest)
+            origin = scene.points[name].position(scene.lattice.rest_position)
         for tracks, plot, dots in ((truth, f"{name} state", False), (measured, f"{name} tracker", True)):
             if name in tracks:
                 moved = MM * (tracks[name].value - origin)

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-from ldcs_ros.bags import BagWriter, TopicInfo
+from ldcs_ros.bags import BagWriter, Recording, TopicInfo
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.display.markers import MARKER_TOPICS, Markers
 from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
-from ldcs_ros.signals.moments import Moment, moments, scene_of, topic_of
-from ldcs_ros.signals.tracks import CLOUD
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.signals.topics import find_topic, recorded_scene
+from ldcs_ros.signals.tracks import CLOUD, Snapshot, snapshots
 
 
 def write_marker_bag(
-    recording: Any, folder: Path, *, rate: float = 25.0, progress: Callable[[float], None] | None = None
+    recording: Recording, folder: Path, *, rate: float = 25.0, progress: Callable[[float], None] | None = None
 ) -> int:
     """Write a new bag with every message of a bag and, for its surfaces, `surface`, `arms`, `loads`, `traces`.
 
@@ -34,10 +34,10 @@ def write_marker_bag(
     Raises:
         RecordingError: The bag has no scene or no surface, has markers already, or the folder cannot be written.
     """
-    scene = scene_of(recording)
+    scene = recorded_scene(recording)
     if scene is None:
         raise RecordingError(f"{recording.name} carries no scene: arms and loads do not follow from it")
-    clouds = topic_of(recording, "nodes", CLOUD)
+    clouds = find_topic(recording, "nodes", CLOUD)
     if clouds is None:
         raise RecordingError(f"{recording.name} holds no surface ('nodes'), only {sorted(recording.topics)}")
     namespace = clouds.rpartition("/")[0]
@@ -68,24 +68,24 @@ def write_marker_bag(
 
 
 class _Behind:
-    """The markers of a bag's moments, each behind what was recorded at its time."""
+    """The markers of a bag's snapshots, each behind what was recorded at its time."""
 
-    def __init__(self, recording: Any, scene: Any, markers: Markers, rate: float) -> None:
+    def __init__(self, recording: Recording, scene: Scene, markers: Markers, rate: float) -> None:
         self._scene = scene
         self._markers = markers
         self._period = 0.999e9 / rate
         self._due = -math.inf
-        self._moments = moments(recording, scene)
-        self._next: Moment | None = next(self._moments, None)
+        self._moments = snapshots(recording, scene)
+        self._next: Snapshot | None = next(self._moments, None)
 
     def before(self, time: float) -> Iterator[tuple[str, bytes, int]]:
         """Give topic, message and time [ns] of what belongs before a time [ns]."""
-        while (moment := self._next) is not None and moment.time < time:
+        while (snapshot := self._next) is not None and snapshot.time < time:
             self._next = next(self._moments, None)
-            position = moment.shown.position
+            position = snapshot.shown.position
             places = {name: point.position(position) for name, point in self._scene.points.items()}
-            self._markers.follow(moment.time, places)
-            if moment.time >= self._due:
-                self._due = moment.time + self._period
+            self._markers.follow(snapshot.time, places)
+            if snapshot.time >= self._due:
+                self._due = snapshot.time + self._period
                 for topic in MARKER_TOPICS:
-                    yield topic, self._markers.build(topic, moment.time, moment.shown), moment.time
+                    yield topic, self._markers.build(topic, snapshot.time, snapshot.shown), snapshot.time

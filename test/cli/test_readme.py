@@ -17,7 +17,7 @@ from PIL import Image
 from ldcs_ros import shipped_scenes
 from ldcs_ros.cli.main import VERBS
 from ldcs_ros.messages.topics import TOPICS
-from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals.mapping import parse_mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

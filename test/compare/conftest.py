@@ -108,6 +108,6 @@ MAPPING = {
 
 @pytest.fixture
 def tracker_mapping():
-    from ldcs_ros.signals.load import parse_mapping
+    from ldcs_ros.signals.mapping import parse_mapping
 
     return parse_mapping(MAPPING)

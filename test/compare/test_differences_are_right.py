@@ -11,7 +11,7 @@ from ldcs_ros.compare.difference import channel_difference
 from ldcs_ros.compare.field import field_difference
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.signals import MappingError
-from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals.mapping import parse_mapping
 from ldcs_ros.signals.series import AXES, Series, clean
 
 

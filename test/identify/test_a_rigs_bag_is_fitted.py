@@ -14,7 +14,7 @@ from ldcs_ros.identify.identify import identify
 from ldcs_ros.identify.parameters import parse_parameter
 from ldcs_ros.identify.prediction import predict
 from ldcs_ros.messages.messages import pressure_command
-from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals.mapping import parse_mapping
 
 from .conftest import small_scene
 

@@ -77,8 +77,8 @@ def test_the_recorded_scene_tells_rest_shape_arms_and_loads(recording, scene):
     assert subject.title == scene.title
     assert np.array_equal(subject.rest.reshape(-1, 3), scene.lattice.rest_position)
     assert subject.driven == (0, 3)
-    assert [load.label for load in subject.loads] == ["10 g", "0.1 N"]
-    assert subject.loads[1].direction.tolist() == [0.0, 1.0, 0.0]
+    assert [load.mass for load in subject.loads] == [0.010, 0.0]
+    assert subject.loads[1].force.tolist() == [0.0, 0.1, 0.0]
 
 
 def test_a_recording_without_a_scene_can_still_be_drawn(recording):

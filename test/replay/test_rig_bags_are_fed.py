@@ -17,7 +17,7 @@ from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.replay.session import Changes, replay, without_schedule
 from ldcs_ros.replay.session import replay as run_replay
 from ldcs_ros.signals import MappingError
-from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals.mapping import parse_mapping
 from ldcs_ros.twin.twin import Twin
 
 MS = 1_000_000
@@ -46,8 +46,8 @@ def test_names_units_and_order_of_arms_come_from_the_mapping(tmp_path, pneumatic
         ("/other", WALL + 400 * MS, array([0.0])),
     ]
     source = write(tmp_path / "rig", messages, storage=storage)
-    entry = {"topic": "/valves", "to": "pressure_command", "unit": "mbar", "arms": ["right", "left"]}
-    done = run(source, tmp_path, pneumatic, mapping(entry))
+    command = {"topic": "/valves", "to": "pressure_command", "unit": "mbar", "arms": ["right", "left"]}
+    done = run(source, tmp_path, pneumatic, mapping(command))
     assert fed(tmp_path / "twin") == [(0.1, [3e4, 5e4]), (0.25, [9e4, 0.0])]
     assert done.outcome.applied == 2 and done.twin.time == 0.4
     assert read_bag(tmp_path / "twin").custom_data["log_time_of_start"] == str(WALL)
@@ -68,8 +68,8 @@ def test_a_bag_made_from_a_rigs_bag_is_our_own(tmp_path, pneumatic):
     source = write(
         tmp_path / "rig", [("/p", WALL + k * 33 * MS, array([1e4 * k])) for k in range(8)], storage="sqlite3"
     )
-    entry = {"topic": "/p", "to": "pressure_command"}
-    mapped = parse_mapping({"commands": [entry], "initial": "rest"})
+    command = {"topic": "/p", "to": "pressure_command"}
+    mapped = parse_mapping({"commands": [command], "initial": "rest"})
     assert run(source, tmp_path, pneumatic, mapped).twin.settings.settled
     assert replay(tmp_path / "twin", tmp_path / "again").verdict.same_bytes
 
@@ -92,7 +92,7 @@ def test_absolute_pressures_of_single_arms_become_gauge_pressures(tmp_path, pneu
     )
     assert [time for time, _ in fed(tmp_path / "twin")] == [0.01, 0.02]
     assert np.allclose([p for _, p in fed(tmp_path / "twin")], [[0.0, 5e4], [2.0 * psi, 5e4]])
-    assert done.intakes[0].below_zero == 1 and not done.outcome.refused
+    assert done.reports[0].below_zero == 1 and not done.outcome.refused
 
 
 def test_copies_late_and_disordered_messages_and_holes_are_counted(tmp_path, pneumatic):
@@ -104,16 +104,16 @@ def test_copies_late_and_disordered_messages_and_holes_are_counted(tmp_path, pne
     messages[15] = (topic, log + 300 * MS, late)
     messages.sort(key=lambda message: message[1])
     source = write(tmp_path / "rig", messages)
-    entry = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
-    done = run(source, tmp_path, pneumatic, mapping(entry, time="stamp"))
-    intake = done.intakes[0]
-    assert (intake.messages, intake.duplicates, intake.late, intake.out_of_order) == (26, 2, 1, 1)
-    assert intake.missing == 6 and intake.longest_gap == pytest.approx(0.14)
+    command = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
+    done = run(source, tmp_path, pneumatic, mapping(command, time="stamp"))
+    report = done.reports[0]
+    assert (report.messages, report.duplicates, report.late, report.out_of_order) == (26, 2, 1, 1)
+    assert report.missing == 6 and report.longest_gap == pytest.approx(0.14)
     pressures = [pressure[0] for _, pressure in fed(tmp_path / "twin")]
     assert pressures == sorted(pressures) and len(pressures) == 23, (
         "by stamp; zero at the start changes nothing"
     )
-    assert any("missing" in remark for remark in intake.remarks())
+    assert any("missing" in remark for remark in report.remarks())
 
 
 def test_stamps_of_another_clock_are_brought_to_the_recorders(tmp_path, pneumatic):
@@ -121,9 +121,9 @@ def test_stamps_of_another_clock_are_brought_to_the_recorders(tmp_path, pneumati
     messages = [
         ("/l", WALL + k * 50 * MS + (k % 3) * MS, fluid(boot + k * 50 * MS, 111325.0 + k)) for k in range(8)
     ]
-    entry = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
-    done = run(write(tmp_path / "rig", messages), tmp_path, pneumatic, mapping(entry, time="stamp"))
-    assert done.intakes[0].clock_offset == pytest.approx((boot - WALL) * 1e-9)
+    command = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
+    done = run(write(tmp_path / "rig", messages), tmp_path, pneumatic, mapping(command, time="stamp"))
+    assert done.reports[0].clock_offset == pytest.approx((boot - WALL) * 1e-9)
     assert [time for time, _ in fed(tmp_path / "twin")] == pytest.approx([0.05 * k for k in range(8)])
 
 
@@ -133,8 +133,8 @@ def test_commands_that_are_not_sound_are_refused_and_counted(tmp_path, pneumatic
     messages.append(("/p", WALL + 130 * MS, ("std_msgs/msg/Float64MultiArray", b"\x00\x01\x00\x00\xff")))
     source = write(tmp_path / "rig", messages)
     done = run(source, tmp_path, pneumatic, mapping({"topic": "/p", "to": "pressure_command"}))
-    assert dict(done.intakes[0].refused) == {"not a number": 1, "over limit": 2}
-    assert done.intakes[0].malformed == 2 and done.outcome.applied == 2
+    assert dict(done.reports[0].refused) == {"not a number": 1, "over limit": 2}
+    assert done.reports[0].malformed == 2 and done.outcome.applied == 2
     assert fed(tmp_path / "twin")[-1] == (0.1, [2e4, 2e4])
 
 
@@ -217,8 +217,8 @@ def test_no_bytes_break_a_replay(tmp_path_factory, pneumatic, kind, cdrs, to, ti
     folder = tmp_path_factory.mktemp("bytes")
     source = write(folder / "rig", [("/x", WALL + k * 10 * MS, (kind, cdr)) for k, cdr in enumerate(cdrs)])
     done = run(source, folder, pneumatic, mapping({"topic": "/x", "to": to}, time=time))
-    outcome, intake = done.outcome, done.intakes[0]
-    assert intake.messages == len(cdrs) and np.isfinite(done.twin.simulation.state.position).all()
+    outcome, report = done.outcome, done.reports[0]
+    assert report.messages == len(cdrs) and np.isfinite(done.twin.simulation.state.position).all()
     dealt_with = outcome.applied + outcome.unchanged + sum(outcome.refused.values()) + outcome.not_reached
     # A message that is found to be malformed when its turn comes counts as one that changed nothing, too.
-    assert dealt_with >= len(cdrs) - intake.duplicates - intake.malformed
+    assert dealt_with >= len(cdrs) - report.duplicates - report.malformed

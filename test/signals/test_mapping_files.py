@@ -7,12 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from ldcs_ros.signals import MappingError, guess_mapping, load, load_mapping
-from ldcs_ros.signals.load import parse_mapping
+from ldcs_ros.signals import MappingError, guess_mapping, load_mapping
+from ldcs_ros.signals import mapping as mapping_module
+from ldcs_ros.signals.mapping import parse_mapping
 
 
 def test_the_example_in_the_documentation_is_a_mapping(tmp_path):
-    text = load.__doc__.split("\n\n", 1)[1]
+    text = mapping_module.__doc__.split("\n\n", 1)[1]
     (tmp_path / "map.yaml").write_text(re.sub(r"^    ", "", text, flags=re.MULTILINE))
     mapping = load_mapping(tmp_path / "map.yaml")
     assert [source.to for source in mapping.commands] == [

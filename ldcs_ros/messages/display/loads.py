@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.colours import Colour
 from ldcs_ros.messages.display.marker import ARROW, SPHERE, TEXT, Figure
+from ldcs_ros.physics.effects.base import Effect
+from ldcs_ros.physics.effects.force import Force
+from ldcs_ros.physics.effects.gravity import Gravity
+from ldcs_ros.physics.effects.payload import Payload
+from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point, point_at
 
@@ -63,25 +67,27 @@ class StandingLoad:
         return Load(self.name, self.point.position(position), self.force, mass=self.mass)
 
 
-def standing_loads(lattice: Lattice, points: dict[str, Point], effects: Iterable[Any]) -> list[StandingLoad]:
+def standing_loads(
+    lattice: Lattice, points: dict[str, Point], effects: Iterable[Effect]
+) -> list[StandingLoad]:
     """Return the point forces of a scene, and its payloads with their weight."""
     effects = tuple(effects)
     gravity = sum(
-        (np.array(e.acceleration, dtype=float) for e in effects if e.name == "gravity"), np.zeros(3)
+        (np.array(one.acceleration, dtype=float) for one in effects if isinstance(one, Gravity)), np.zeros(3)
     )
     loads = []
     for effect in effects:
-        if effect.name == "force":
+        if isinstance(effect, Force):
             where = point_at(lattice, effect.at, points)
             loads.append(StandingLoad("force", where, np.array(effect.value, dtype=float)))
-        elif effect.name == "payload":
+        elif isinstance(effect, Payload):
             where = point_at(lattice, effect.at, points)
             loads.append(StandingLoad("payload", where, effect.mass * gravity, effect.mass))
     return loads
 
 
 def wrench_loads(
-    lattice: Lattice, points: dict[str, Point], wrenches: Mapping[str, Any], position: np.ndarray
+    lattice: Lattice, points: dict[str, Point], wrenches: Mapping[str, Wrench], position: np.ndarray
 ) -> list[Load]:
     """Return commanded wrenches as loads in the axes of ldcs_base.
 

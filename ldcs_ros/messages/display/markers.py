@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from ldcs_ros.messages.display.marker import Figure, marker_array
 from ldcs_ros.messages.display.traces import Traces
 from ldcs_ros.messages.surface import SurfaceMesh
 from ldcs_ros.messages.topics import BASE_FRAME
+from ldcs_ros.physics.inputs import Wrench
+from ldcs_ros.scene.scene import Scene
 
 MARKER_TOPICS = ("surface", "arms", "loads", "traces")
 
@@ -31,7 +32,7 @@ class Shown:
 
     position: np.ndarray
     link_angle: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    wrenches: Mapping[str, Any] = field(default_factory=dict)
+    wrenches: Mapping[str, Wrench] = field(default_factory=dict)
 
 
 class Markers:
@@ -42,7 +43,7 @@ class Markers:
         frame: Name of the base frame.
     """
 
-    def __init__(self, scene: Any, frame: str = BASE_FRAME) -> None:
+    def __init__(self, scene: Scene, frame: str = BASE_FRAME) -> None:
         self._scene = scene
         self._frame = frame
         self._traces = Traces()

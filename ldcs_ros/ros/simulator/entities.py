@@ -5,13 +5,15 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from ldcs_ros.physics.effects.arms import ArmsTerm
 from ldcs_ros.physics.lattice import LAYERS, Lattice
+from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.ros.simulator.entity_motion import Means, Motions, link_motions
+from ldcs_ros.simulation.simulation import Simulation
 
 _INSTANT = 1e-6  # s, between two looks at the rates of what is prescribed
 
@@ -72,9 +74,10 @@ class Entities:
         all: The entities by name: points, then nodes, then links.
     """
 
-    def __init__(self, simulation: Any) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
-        lattice, arms = simulation.lattice, simulation.model.arms
+        lattice = simulation.lattice
+        arms = simulation.model.arms if isinstance(simulation.model.arms, ArmsTerm) else None
         named = [*((Kind.POINT, name, point) for name, point in simulation.points.items()), *_nodes(lattice)]
         links = (
             []
@@ -82,6 +85,7 @@ class Entities:
             else [(arm, k + 1) for arm in simulation.arm_names for k in range(arms.n_links)]
         )
         self._means = Means([point for *_, point in named], lattice.n_nodes)
+        self._arms = arms
         self._across = [] if arms is None else _across(arms, lattice)
         clamped = _clamped(simulation.model)
         found: list[Entity] = []
@@ -112,10 +116,10 @@ class Entities:
         n = 3 * simulation.lattice.n_nodes
         q, u, a = (one[:n].reshape(-1, 3) for one in flat)
         sheet = self._means.motions((q, u, a))
-        if not self._across:
+        if self._arms is None:
             return sheet
         phi, rate, bend = (one[n:].reshape(2, -1) for one in flat)
-        return link_motions(simulation.model.arms, self._across, (phi, rate, bend)).behind(sheet)
+        return link_motions(self._arms, self._across, (phi, rate, bend)).behind(sheet)
 
 
 def _nodes(lattice: Lattice) -> Iterable[tuple[Kind, str, Point]]:
@@ -135,12 +139,12 @@ def _of_sheet(name: str, row: int, kind: Kind, point: Point, still: bool) -> Ent
     return Entity(name, row, kind, f"point of the sheet, {layers[0]}, {where}", tags, still)
 
 
-def _clamped(model: Any) -> set[int]:
+def _clamped(model: Model) -> set[int]:
     held = [term.fixed() // 3 for term in model.terms if term.name == "clamp"]
     return set(np.concatenate(held).tolist()) if held else set()
 
 
-def _across(arms: Any, lattice: Lattice) -> list[float]:
+def _across(arms: ArmsTerm, lattice: Lattice) -> list[float]:
     # An arm that covers several rows stands in their middle.
     arm_of, rows = arms.couplings[0], arms.couplings[3]
     return [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in (0, 1)]

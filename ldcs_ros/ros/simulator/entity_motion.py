@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from ldcs_ros.physics.effects.arms import ArmsTerm
 from ldcs_ros.physics.points import Point, quaternion
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -83,7 +83,7 @@ class Means:
         )
 
 
-def link_motions(arms: Any, across: Sequence[float], angles: Derivatives) -> Motions:
+def link_motions(arms: ArmsTerm, across: Sequence[float], angles: Derivatives) -> Motions:
     """Return how the links of both arms move, left arm first, base to tip; their places are their middles.
 
     Args:

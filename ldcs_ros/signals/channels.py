@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.bags import Recording
 from ldcs_ros.errors import MappingError, RecordingError
 from ldcs_ros.signals import fields
 
@@ -16,7 +17,7 @@ _ANOTHER_CLOCK = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Heard:
+class DecodedMessage:
     """A sound message.
 
     Attributes:
@@ -29,7 +30,7 @@ class Heard:
 
 
 @dataclass
-class Intake:
+class ChannelReport:
     """The messages of one mapped topic.
 
     Attributes:
@@ -95,15 +96,15 @@ class Intake:
         return told
 
 
-def take_in(
-    recording: Any, topic: str, intake: Intake, *, by: str, late: float, gap: float | None
-) -> list[Heard]:
-    """Return the sound messages of a topic by time, and count what is odd in `intake`.
+def read_channel(
+    recording: Recording, topic: str, report: ChannelReport, *, by: str, late: float, gap: float | None
+) -> list[DecodedMessage]:
+    """Return the sound messages of a topic by time, and count what is odd in `report`.
 
     Args:
         recording: The bag.
         topic: A topic of it.
-        intake: Where to count.
+        report: Where to count.
         by: 'stamp' for the time of the header where there is one, 'log' for when it was recorded.
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five usual periods.
@@ -118,17 +119,17 @@ def take_in(
     logged: list[int] = []
     seen: set[tuple[int, bytes]] = set()
     for raw in recording.channels[topic].raw:
-        intake.messages += 1
+        report.messages += 1
         try:
             message = recording.decode(raw)
         except RecordingError as error:
-            intake.malformed += 1
-            intake.problem = intake.problem or str(error)
+            report.malformed += 1
+            report.problem = report.problem or str(error)
             continue
         stamp = fields.stamp(message) or raw.time
         # A copy has the same stamp; where there are no stamps, the same content at the same time.
         if (stamp, raw.cdr) in seen:
-            intake.duplicates += 1
+            report.duplicates += 1
             continue
         seen.add((stamp, raw.cdr))
         messages.append(message)
@@ -137,13 +138,13 @@ def take_in(
     if not messages:
         return []
     stamps, logs = np.array(stamped, dtype=np.int64), np.array(logged, dtype=np.int64)
-    stamps = _on_the_recorders_clock(stamps, logs, intake)
-    intake.late = int(np.sum(logs - stamps > late * 1e9))
-    intake.out_of_order = int(np.sum(stamps < np.maximum.accumulate(stamps)))
+    stamps = _on_the_recorders_clock(stamps, logs, report)
+    report.late = int(np.sum(logs - stamps > late * 1e9))
+    report.out_of_order = int(np.sum(stamps < np.maximum.accumulate(stamps)))
     times = stamps if by == "stamp" else logs
     order = np.argsort(times, kind="stable")
-    intake.count_gaps(times[order], gap)
-    return [Heard(int(times[k]), messages[k]) for k in order]
+    report.count_gaps(times[order], gap)
+    return [DecodedMessage(int(times[k]), messages[k]) for k in order]
 
 
 def _usual(steps: np.ndarray) -> float:
@@ -152,12 +153,12 @@ def _usual(steps: np.ndarray) -> float:
     return float(ordered[np.searchsorted(np.cumsum(ordered), 0.25 * ordered.sum())])
 
 
-def _on_the_recorders_clock(stamps: np.ndarray, logs: np.ndarray, intake: Intake) -> np.ndarray:
+def _on_the_recorders_clock(stamps: np.ndarray, logs: np.ndarray, report: ChannelReport) -> np.ndarray:
     ahead = stamps - logs
     if abs(int(np.median(ahead))) <= _ANOTHER_CLOCK:
         return stamps
     # The message that came fastest shows best how the two clocks stand.
     offset = int(ahead.max())
-    intake.clock_offset = offset * 1e-9
+    report.clock_offset = offset * 1e-9
     shifted: np.ndarray = stamps - offset
     return shifted

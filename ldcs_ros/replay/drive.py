@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 from ldcs_ros.messages.cdr import nanoseconds
 from ldcs_ros.messages.topics import Topic
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.twin.twin import Twin
 
 
-class Entry(Protocol):
+class TimedCommand(Protocol):
     """One recorded command.
 
     Attributes:
@@ -26,7 +27,7 @@ class Entry(Protocol):
     @property
     def after(self) -> int | None: ...
 
-    def command(self, simulation: Any) -> tuple[str, bytes] | None:
+    def command(self, simulation: Simulation) -> tuple[str, bytes] | None:
         """Return topic and message for the simulation as it stands; None if nothing would change."""
         ...
 
@@ -51,7 +52,7 @@ class RecordedCommand:
     topic: str
     cdr: bytes
 
-    def command(self, simulation: Any) -> tuple[str, bytes]:
+    def command(self, simulation: Simulation) -> tuple[str, bytes]:
         return self.topic, self.cdr
 
     def refused(self, reason: str) -> None:
@@ -101,9 +102,9 @@ def is_counted(topic: Topic) -> bool:
     return topic.direction == "out" and topic.recorded and not topic.measured
 
 
-def feed(
+def drive(
     twin: Twin,
-    entries: Sequence[Entry],
+    entries: Sequence[TimedCommand],
     *,
     end: int,
     last: int | None = None,
@@ -137,16 +138,16 @@ def feed(
         return False
 
     try:
-        for index, entry in enumerate(entries):
-            if entry.time > end or outcome.interrupted:
+        for index, command in enumerate(entries):
+            if command.time > end or outcome.interrupted:
                 outcome.not_reached = len(entries) - index
                 break
-            if not advance(entry.time, entry.after):
+            if not advance(command.time, command.after):
                 outcome.interrupted = True
             else:
-                if nanoseconds(twin.time) != entry.time:
-                    twin.advance_to(entry.time / 1e9)
-                _apply(twin, entry, outcome)
+                if nanoseconds(twin.time) != command.time:
+                    twin.advance_to(command.time / 1e9)
+                _apply(twin, command, outcome)
         if not outcome.interrupted and not advance(end, last):
             outcome.interrupted = True
     finally:
@@ -154,8 +155,8 @@ def feed(
     return outcome
 
 
-def _apply(twin: Twin, entry: Entry, outcome: Outcome) -> None:
-    command = entry.command(twin.simulation)
+def _apply(twin: Twin, timed: TimedCommand, outcome: Outcome) -> None:
+    command = timed.command(twin.simulation)
     if command is None:
         outcome.unchanged += 1
         return
@@ -165,5 +166,5 @@ def _apply(twin: Twin, entry: Entry, outcome: Outcome) -> None:
         return
     reason = refusal.split(":")[0]
     outcome.refused[reason] += 1
-    outcome.last_refusal = f"at {entry.time / 1e9:.3f} s: {refusal}"
-    entry.refused(reason)
+    outcome.last_refusal = f"at {timed.time / 1e9:.3f} s: {refusal}"
+    timed.refused(reason)

@@ -9,23 +9,24 @@ from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.markers import MARKER_TOPICS
-from ldcs_ros.signals.moments import moments, scene_of
+from ldcs_ros.signals.topics import recorded_scene
+from ldcs_ros.signals.tracks import snapshots
 from ldcs_ros.viewing.marker_bag import write_marker_bag
 
 
 def test_each_recorded_surface_comes_with_the_arms_of_its_time(lift, recording):
     folder, states = lift
-    found = list(moments(recording, scene_of(recording)))
+    found = list(snapshots(recording, recorded_scene(recording)))
     assert len(found) == len(states)
-    for moment in found:
-        position, link_angle = states[round(moment.time * 1e-9, 6)]
-        assert moment.nodes == (5, 4)
-        assert moment.shown.position == pytest.approx(position, abs=1e-7)
-        assert moment.shown.link_angle == pytest.approx(link_angle, abs=1e-12)
+    for snapshot in found:
+        position, link_angle = states[round(snapshot.time * 1e-9, 6)]
+        assert snapshot.nodes == (5, 4)
+        assert snapshot.shown.position == pytest.approx(position, abs=1e-7)
+        assert snapshot.shown.link_angle == pytest.approx(link_angle, abs=1e-12)
 
 
 def test_wrenches_act_from_the_schedule_and_from_commands_on(recording):
-    at = {round(m.time * 1e-9, 6): m.shown.wrenches for m in moments(recording, scene_of(recording))}
+    at = {round(m.time * 1e-9, 6): m.shown.wrenches for m in snapshots(recording, recorded_scene(recording))}
     assert at[0.08] == {}
     assert at[0.1]["P0_aligned"].force == (0.0, 0.2, 0.0)
     assert set(at[0.18]) == {"P0_aligned"}
@@ -34,8 +35,8 @@ def test_wrenches_act_from_the_schedule_and_from_commands_on(recording):
 
 def test_a_bag_without_its_scene_still_shows_the_sheet(recording):
     bare = Recording.from_messages(recording.in_order())
-    assert scene_of(bare) is None
-    shown = next(moments(bare, None)).shown
+    assert recorded_scene(bare) is None
+    shown = next(snapshots(bare, None)).shown
     assert shown.position.shape == (40, 3)
     assert shown.link_angle.size == 0 and not shown.wrenches
 
@@ -43,11 +44,11 @@ def test_a_bag_without_its_scene_still_shows_the_sheet(recording):
 def test_a_bag_without_a_surface_says_so(recording):
     poses = [m for m in recording.in_order() if m.topic.endswith("pose")]
     with pytest.raises(RecordingError, match="holds no topic 'nodes'"):
-        next(moments(Recording.from_messages(poses), None))
+        next(snapshots(Recording.from_messages(poses), None))
 
 
 def test_one_surface_out_of_many_is_taken_when_asked_for(recording):
-    assert len(list(moments(recording, None, every=7))) == 3
+    assert len(list(snapshots(recording, None, every=7))) == 3
 
 
 def test_a_bag_with_markers_holds_all_that_it_held_and_what_viewers_draw(bag, recording, tmp_path):

@@ -18,25 +18,117 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ldcs_ros.errors import MappingError
 from ldcs_ros.schema.reader import Checks
-from ldcs_ros.signals import units
-from ldcs_ros.signals.sources import CommandSource, Mapping, MeasurementSource
+
+PRESSURE = {
+    "Pa": 1.0,
+    "hPa": 1e2,
+    "mbar": 1e2,
+    "kPa": 1e3,
+    "bar": 1e5,
+    "psi": 6894.757293168361,  # a pound-force, 4.4482216152605 N, on a square inch
+}
+TORQUE = {"N m": 1.0, "mN m": 1e-3}
+FORCE = {"N": 1.0, "mN": 1e-3}
+LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
+ANGLE = {"rad": 1.0, "deg": 0.017453292519943295}
+
+STANDARD_ATMOSPHERE = 101325.0
+"""Pressure of the surrounding air when nobody says [Pa]."""
 
 ARMS = ("left", "right")
 # Command -> the units that it may come in.
 COMMANDS = {
-    "pressure_command": units.PRESSURE,
-    "torque_command": units.TORQUE,
-    "external_wrench": units.FORCE,
+    "pressure_command": PRESSURE,
+    "torque_command": TORQUE,
+    "external_wrench": FORCE,
 }
 _CHECKS = Checks(MappingError)
 _TOP = ("time", "initial", "late", "gap", "ambient_pressure", "commands", "measurements")
 _COMMAND = ("topic", "to", "unit", "field", "arms", "joints", "frame", "absolute")
 _MEASUREMENT = ("topic", "to", "unit", "field", "child", "translation", "rotation", "absolute", "index")
+
+
+@dataclass(frozen=True)
+class CommandSource:
+    """A topic that commands the rig.
+
+    Attributes:
+        topic: Its name in the bag.
+        to: Input of the twin that it stands for: pressure_command, torque_command or external_wrench.
+        scale: Factor from its unit to SI.
+        field: Path of the value in the message, '' for the usual one of the type.
+        arms: Arms that its values are for, in their order.
+        joints: Joint names for its values, in their order; empty to take the message's own.
+        frame: Frame of a wrench; '' to take the message's own.
+        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for what
+            the message type says.
+    """
+
+    topic: str
+    to: str
+    scale: float = 1.0
+    field: str = ""
+    arms: tuple[str, ...] = ("left", "right")
+    joints: tuple[str, ...] = ()
+    frame: str = ""
+    offset: float | None = None
+
+
+@dataclass(frozen=True)
+class MeasurementSource:
+    """A topic that reports a measurement.
+
+    Attributes:
+        topic: Its name in the bag.
+        to: What it measures: a point (`P0`), `<arm>/pressure`, or a joint (`joint/<name>`).
+        scale: Factor from its unit to SI.
+        field: Path of the value in the message, '' for the usual one of the type.
+        child: Child frame of the transform that is meant; '' for any.
+        translation: Where the sensor's base stands in ldcs_base [m].
+        rotation: Unit quaternion x, y, z, w that turns the sensor's axes into those of ldcs_base.
+        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for what
+            the message type says.
+        index: Which element of an array is meant; None for a message with one value.
+    """
+
+    topic: str
+    to: str
+    scale: float = 1.0
+    field: str = ""
+    child: str = ""
+    translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    offset: float | None = None
+    index: int | None = None
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """What a bag's topics mean.
+
+    Attributes:
+        commands: Topics that command.
+        measurements: Topics that report.
+        time: When a message acts: 'log' (when it was recorded) or 'stamp' (what its header says).
+        initial: Where a replay begins: 'rest' (the rest state without commands) or 'start' (the scene's start).
+        late: Delay from stamp to recording above which a message counts as late [s].
+        gap: Silence above which messages count as missing [s]; None for five of the topic's usual periods.
+        ambient_pressure: Pressure of the surrounding air [Pa].
+    """
+
+    commands: tuple[CommandSource, ...] = ()
+    measurements: tuple[MeasurementSource, ...] = ()
+    time: str = "log"
+    initial: str = "rest"
+    late: float = 0.1
+    gap: float | None = None
+    ambient_pressure: float = STANDARD_ATMOSPHERE
 
 
 def load_mapping(path: str | os.PathLike[str]) -> Mapping:
@@ -60,9 +152,7 @@ def parse_mapping(content: Any) -> Mapping:
         MappingError: A key or value is wrong; the message says which.
     """
     block = _CHECKS.keys(content, _TOP, "the mapping")
-    ambient = _CHECKS.number(
-        block.get("ambient_pressure", units.STANDARD_ATMOSPHERE), "ambient_pressure", low=0.0
-    )
+    ambient = _CHECKS.number(block.get("ambient_pressure", STANDARD_ATMOSPHERE), "ambient_pressure", low=0.0)
     commands = tuple(
         _command(entry, f"commands[{k}]", ambient)
         for k, entry in enumerate(_CHECKS.items(block.get("commands") or [], "commands"))
@@ -113,11 +203,11 @@ def _measurement(entry: Any, path: str, ambient: float) -> MeasurementSource:
     block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("topic", "to"))
     to = _CHECKS.text(block["to"], f"{path}.to")
     if to in (f"{arm}/pressure" for arm in ARMS):
-        known = units.PRESSURE
+        known = PRESSURE
     elif to.startswith("joint/"):
-        known = units.ANGLE
+        known = ANGLE
     elif to.isidentifier():
-        known = units.LENGTH
+        known = LENGTH
     else:
         raise MappingError(
             f"got {to!r}, expected a point such as P0, left/pressure, right/pressure or joint/NAME @ {path}.to"

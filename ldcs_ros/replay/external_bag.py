@@ -1,0 +1,183 @@
+"""The commands of a bag that another recorder wrote: mapped, ordered, converted to the twin's units and counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.bags import Recording
+from ldcs_ros.messages import messages
+from ldcs_ros.signals import CommandSource, Mapping, MappingError, fields
+from ldcs_ros.signals.channels import ChannelReport, read_channel
+from ldcs_ros.simulation.simulation import Simulation
+
+# A vented rig that commands absolute pressure is off by the weather and its gauge's zero [Pa].
+NEAR_ZERO = 3.0e3
+
+
+def converted(
+    message: Any,
+    message_type: str,
+    source: CommandSource,
+    simulation: Simulation,
+    time_ns: int,
+    report: ChannelReport,
+    ambient_pressure: float,
+) -> tuple[str, bytes] | None:
+    """Return topic and message of the twin's command; None if it would change nothing.
+
+    Raises:
+        MappingError: The message is not what the mapping says.
+    """
+    if source.to == "pressure_command":
+        return _pressure(message, message_type, source, simulation, report, ambient_pressure)
+    if source.to == "torque_command":
+        return _torque(message, message_type, source, simulation, time_ns)
+    return _wrench(message, source, simulation, time_ns)
+
+
+def _pressure(
+    message: Any,
+    message_type: str,
+    source: CommandSource,
+    simulation: Simulation,
+    report: ChannelReport,
+    ambient: float,
+) -> tuple[str, bytes] | None:
+    values = fields.numbers(message, source.field, message_type)
+    if values.size not in (1, len(source.arms)):
+        raise MappingError(f"got {values.size} pressures, expected 1 or {len(source.arms)} for {source.arms}")
+    offset = fields.default_offset(message_type, ambient) if source.offset is None else source.offset
+    gauge = source.scale * values - offset
+    below = (gauge < 0.0) & (gauge >= -NEAR_ZERO)
+    report.below_zero += bool(below.any())
+    gauge = np.where(below, 0.0, gauge)
+    present = simulation.inputs.pressure
+    if present is None:  # the twin will say why it refuses
+        return source.to, messages.pressure_command(gauge)
+    target = present.copy()
+    target[[simulation.arm_names.index(arm) for arm in source.arms]] = gauge
+    return None if np.array_equal(target, present) else (source.to, messages.pressure_command(target))
+
+
+def _torque(
+    message: Any, message_type: str, source: CommandSource, simulation: Simulation, time_ns: int
+) -> tuple[str, bytes] | None:
+    values = source.scale * fields.numbers(message, source.field, message_type)
+    joints = list(source.joints or getattr(message, "name", ()) or simulation.joint_names)
+    if len(joints) != values.size:
+        raise MappingError(f"got {values.size} torques for the joints {joints}, expected one each")
+    present, known = simulation.inputs.torque, list(simulation.joint_names)
+    if present is not None and set(joints) <= set(known):
+        target = present.copy()
+        for joint, value in zip(joints, values, strict=True):
+            target.flat[known.index(joint)] = value
+        if np.array_equal(target, present):
+            return None
+    return source.to, messages.torque_command(time_ns, joints, values)
+
+
+def _wrench(
+    message: Any, source: CommandSource, simulation: Simulation, time_ns: int
+) -> tuple[str, bytes] | None:
+    value = fields.at_path(
+        message, source.field or next((name for name in ("wrench", "vector") if hasattr(message, name)), "")
+    )
+    force, torque = (value.force, value.torque) if hasattr(value, "force") else (value, None)
+    if not hasattr(force, "x"):
+        raise MappingError("there is no force with x, y, z in the message; say where it is with 'field:'")
+    frame = source.frame or message.header.frame_id
+    push = tuple(source.scale * part for part in (force.x, force.y, force.z))
+    turn = (0.0, 0.0, 0.0)
+    if torque is not None:
+        turn = (source.scale * torque.x, source.scale * torque.y, source.scale * torque.z)
+    held = simulation.inputs.wrenches.get(frame)
+    unchanged = (held is None and not any(push + turn)) or (
+        held is not None and tuple(held.force) == push and tuple(held.torque) == turn
+    )
+    return None if unchanged else (source.to, messages.wrench_command(time_ns, frame, push, turn))
+
+
+@dataclass(frozen=True)
+class MappedCommand:
+    """A command of a rig, converted when its turn comes: one topic may speak for one arm of two.
+
+    Attributes:
+        time: Simulation time at which it acts [ns].
+        after: None: whatever the twin does at that time, the command comes behind it, as it does live.
+        source: How to read it.
+        message: The message object.
+        type: Its type.
+        report: Where to count.
+        ambient_pressure: Pressure of the surrounding air [Pa].
+    """
+
+    time: int
+    after: int | None
+    source: CommandSource
+    message: Any
+    type: str
+    report: ChannelReport
+    ambient_pressure: float
+
+    def command(self, simulation: Simulation) -> tuple[str, bytes] | None:
+        try:
+            return converted(
+                self.message,
+                self.type,
+                self.source,
+                simulation,
+                self.time,
+                self.report,
+                self.ambient_pressure,
+            )
+        except MappingError as error:
+            self.report.malformed += 1
+            self.report.problem = self.report.problem or str(error)
+            return None
+
+    def refused(self, reason: str) -> None:
+        self.report.refused[reason] += 1
+
+
+def mapped_commands(
+    recording: Recording, mapping: Mapping
+) -> tuple[list[MappedCommand], list[ChannelReport], int]:
+    """Return the commands by time, what was found in each topic, and the log time of simulation time zero [ns].
+
+    Simulation time begins with the bag.
+
+    Raises:
+        MappingError: A mapped topic is not in the bag, or no command is mapped.
+    """
+    if not mapping.commands:
+        raise MappingError(
+            f"no topic of {recording.name} is mapped to a command; name one in a mapping file (--map), "
+            f"the bag has {sorted(recording.topics)}"
+        )
+    origin = recording.start
+    commands: list[MappedCommand] = []
+    reports: dict[str, ChannelReport] = {}
+    for source in mapping.commands:
+        # Several sources may read one topic: it is counted once.
+        report = ChannelReport(source.topic)
+        heard = read_channel(
+            recording, source.topic, report, by=mapping.time, late=mapping.late, gap=mapping.gap
+        )
+        report = reports.setdefault(source.topic, report)
+        message_type = recording.topics[source.topic].type
+        commands += [
+            MappedCommand(
+                max(0, one.time - origin),
+                None,
+                source,
+                one.message,
+                message_type,
+                report,
+                mapping.ambient_pressure,
+            )
+            for one in heard
+        ]
+    return sorted(commands, key=lambda command: command.time), list(reports.values()), origin

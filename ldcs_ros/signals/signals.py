@@ -1,0 +1,213 @@
+"""Signals: the points, pressures, joints and surface of a recording over time, in SI units and ldcs_base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.bags import Recording
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
+from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
+from ldcs_ros.signals.mapping import STANDARD_ATMOSPHERE
+from ldcs_ros.signals.series import Series, clean
+from ldcs_ros.signals.topics import recorded_scene
+from ldcs_ros.signals.tracks import (
+    CLOUD,
+    JOINTS,
+    POSE,
+    PRESSURE,
+    SurfaceTrack,
+    Track,
+    joint_tracks,
+    point_tracks,
+    pressure_tracks,
+    surface_track,
+)
+
+AXES = ("x", "y", "z")
+_READ = (CLOUD, JOINTS, POSE, PRESSURE)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What is compared of one recording.
+
+    Attributes:
+        name: How the report calls it.
+        series: Channels by name: points (`P1`), `left/pressure` (gauge), `joint/left_joint_1`.
+        surface: All nodes over time, None if they are not recorded.
+        in_simulation_time: Its times are a simulation's, which begins at zero.
+        side_length: Length of the sheet [m], None if the recording does not say.
+        title: Title of its scene, '' without one.
+        remarks: What was odd in it, in words.
+    """
+
+    name: str
+    series: dict[str, Series]
+    surface: SurfaceTrack | None
+    in_simulation_time: bool
+    side_length: float | None = None
+    title: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+
+def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, measured: bool) -> Signals:
+    """Return what a recording says.
+
+    Args:
+        recording: A Recording.
+        name: How to call it.
+        mapping: What the topics of a rig's bag mean; None to read a twin's bag as such and to guess others.
+        measured: Take what a twin's tracker reports for the points, not where they truly are.
+
+    Raises:
+        RecordingError: Nothing in it can be compared.
+        MappingError: The mapping does not fit.
+    """
+    if mapping is None and ("scene" in recording.custom_data or _has_truth(recording)):
+        signals = _twin_signals(recording, name, measured)
+    else:
+        signals = _rig_signals(recording, name, mapping or guess_mapping(recording))
+    if not signals.series and signals.surface is None:
+        raise RecordingError(
+            f"{recording.name} holds no points, pressures, joints or nodes; name its topics in a mapping file, "
+            f"it has {sorted(recording.topics)}"
+        )
+    return signals
+
+
+def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
+    said = recording.custom_data
+    recording.load([topic for topic, info in recording.topics.items() if info.type in _READ])
+    remarks: list[str] = []
+    series: dict[str, Series] = {}
+    truth, reported = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
+    points = {**truth, **reported} if measured else {**reported, **truth}
+    for point, track in points.items():
+        smooth = point in truth and not (measured and point in reported)
+        _add(series, point, track.time, track.value, AXES, "m", smooth, remarks)
+    ambient = float(said.get("ambient_pressure", STANDARD_ATMOSPHERE))
+    for arm, track in pressure_tracks(recording).items():
+        _add(
+            series, f"{arm}/pressure", track.time, track.value[:, None] - ambient, ("",), "Pa", False, remarks
+        )
+    joints = joint_tracks(recording)
+    if joints is not None:
+        names, angle, _ = joints
+        for k, joint in enumerate(names):
+            _add(series, f"joint/{joint}", angle.time, angle.value[:, k : k + 1], ("",), "rad", True, remarks)
+    try:
+        surface = surface_track(recording)
+    except RecordingError:
+        surface = None
+    scene = recorded_scene(recording)
+    length, title = (None, "") if scene is None else (scene.lattice.size[0], scene.title)
+    # A wall clock is far from zero; a track then counts from the start of its recording.
+    simulated = recording.start < 10 * 365 * 86_400 * 10**9
+    return Signals(name, series, surface, simulated, length, title, remarks)
+
+
+def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
+    remarks: list[str] = []
+    series: dict[str, Series] = {}
+    for source in mapping.measurements:
+        report = ChannelReport(source.topic)
+        decoded = read_channel(
+            recording, source.topic, report, by="stamp", late=mapping.late, gap=mapping.gap
+        )
+        kind = recording.topics[source.topic].type
+        time, value = _measured(decoded, source, kind, report, mapping.ambient_pressure)
+        told = report.remarks()
+        remark = f"{source.topic}: {', '.join(told)}"
+        if told and remark not in remarks:
+            remarks.append(remark)
+        if not len(time):
+            remarks.append(f"{source.topic}: no message for {source.to}")
+            continue
+        axes, unit = (("",), "Pa") if source.to.endswith("/pressure") else (AXES, "m")
+        if source.to.startswith("joint/"):
+            axes, unit = ("",), "rad"
+        _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, remarks)
+    return Signals(name, series, None, False, remarks=remarks)
+
+
+def _measured(
+    decoded: list[DecodedMessage], source: MeasurementSource, kind: str, report: ChannelReport, ambient: float
+) -> tuple[np.ndarray, np.ndarray]:
+    times, values = [], []
+    for one in decoded:
+        try:
+            value = _value(one.message, source, kind, ambient)
+        except MappingError as error:
+            report.malformed += 1
+            report.problem = report.problem or str(error)
+            continue
+        if value is not None:
+            times.append(one.time)
+            values.append(value)
+    return np.array(times, dtype=np.int64), np.array(values)
+
+
+def _value(message: Any, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray | None:
+    if source.to.endswith("/pressure"):
+        offset = fields.default_offset(kind, ambient) if source.offset is None else source.offset
+        return np.array([source.scale * _number(message, source, kind, source.field) - offset])
+    if source.to.startswith("joint/"):
+        path = source.field or ("position" if kind == "sensor_msgs/msg/JointState" else "")
+        return np.array([source.scale * _number(message, source, kind, path)])
+    place = fields.position(message, source.field, kind, source.child)
+    if place is None:
+        return None
+    turned: np.ndarray = np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
+    return turned
+
+
+def _number(message: Any, source: MeasurementSource, kind: str, path: str) -> float:
+    values = fields.numbers(message, path, kind)
+    joint = source.to.removeprefix("joint/")
+    index = source.index
+    if index is None and joint != source.to and joint in getattr(message, "name", ()):
+        index = list(message.name).index(joint)
+    if index is None and values.size != 1:
+        raise MappingError(f"{source.topic} has {values.size} values; say with 'index:' which is {source.to}")
+    if index is not None and index >= values.size:
+        raise MappingError(f"{source.topic} has {values.size} values, there is no index {index}")
+    return float(values[index or 0])
+
+
+def _turned(quaternion: tuple[float, float, float, float], vector: np.ndarray) -> np.ndarray:
+    axis, scalar = np.asarray(quaternion[:3]), quaternion[3]
+    across = np.cross(axis, vector)
+    turned: np.ndarray = vector + 2.0 * (scalar * across + np.cross(axis, across))
+    return turned
+
+
+def _add(
+    series: dict[str, Series],
+    name: str,
+    time: np.ndarray,
+    value: np.ndarray,
+    axes: tuple[str, ...],
+    unit: str,
+    smooth: bool,
+    remarks: list[str],
+) -> None:
+    time, value, dropped = clean(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
+    if dropped:
+        remarks.append(f"{name}: {dropped} values dropped that were not finite or had the time of another")
+    if len(time):
+        series[name] = Series(time, value, axes, unit, smooth)
+
+
+def _has_truth(recording: Recording) -> bool:
+    return any("/truth/" in topic for topic in recording.topics)
+
+
+def surface_values(surface: SurfaceTrack) -> Track:
+    """Return all node positions over time [m], shape (n, 2, nx, ny, 3), each time once."""
+    first = np.append(True, np.diff(surface.time) > 0.0)
+    places = np.stack([surface.position(int(k)) for k in np.flatnonzero(first)])
+    return Track(surface.time[first], places)
