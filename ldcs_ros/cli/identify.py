@@ -98,8 +98,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         file = None if arguments.output is None else str(arguments.output)
         noise = {experiment.name: experiment.noise for experiment in read}
-        remarks = {experiment.name: list(experiment.remarks) for experiment in read}
-        print_json({"scene": scene.name, **as_dict(found), "noise": noise, "remarks": remarks, "file": file})
+        warnings = {experiment.name: list(experiment.warnings) for experiment in read}
+        print_json({"scene": scene.name, **as_dict(found), "noise": noise, "remarks": warnings, "file": file})
     else:
         _print(found, read, arguments.output)
     if found.misfit.found:
@@ -122,7 +122,7 @@ def _print(found: Any, read: Any, output: Path | None) -> None:
         lines += [(label, score_words(item)) for item in items]
     noises = {f"{1e3 * one.noise:.3g} mm ({one.noise_origin})" for one in read}
     lines.append(("noise", ", ".join(sorted(noises))))
-    lines += [("in the bag", f"{one.name}: {remark}") for one in read for remark in one.remarks]
+    lines += [("in the bag", f"{one.name}: {warning}") for one in read for warning in one.warnings]
     best = found.minima[0]
     ended = "" if best.converged else "; the search was stopped before it ended by itself"
     lines.append(

@@ -93,7 +93,7 @@ def _report(done: Replay) -> dict[str, Any]:
             "not_reached": outcome.not_reached,
             "last_refusal": outcome.last_refusal or None,
         },
-        "topics": [intake.as_dict() for intake in done.reports],
+        "topics": [report.as_dict() for report in done.reports],
         "verdict": None
         if verdict is None
         else {
@@ -126,9 +126,9 @@ def _lines(done: Replay) -> list[tuple[str, str]]:
     ]
     if outcome.last_refusal:
         lines.append(("last refused", outcome.last_refusal))
-    for intake in done.reports:
-        remarks = ", ".join(intake.remarks()) or "all sound and in order"
-        lines.append((intake.topic, f"{intake.messages} messages: {remarks}"))
+    for report in done.reports:
+        warnings = ", ".join(report.warnings()) or "all sound and in order"
+        lines.append((report.topic, f"{report.messages} messages: {warnings}"))
     lines.append(("bag", f"{done.recorder.folder} ({done.recorder.count} messages)"))
     if done.verdict is not None:
         lines += _verdict_lines(done)

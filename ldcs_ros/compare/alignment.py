@@ -52,22 +52,22 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     then around the best one the same with each component's size fitted, since a model that moves too far is
     not a clock that is wrong.
     """
-    moving = _telling(pairs)
+    moving = _informative(pairs)
     if not moving:
         return Offset(0.0, reason="nothing moves enough in both to estimate an offset: 0 is assumed")
     scaled = [(pair, _motion(pair[0]) + _motion(pair[1])) for pair in moving.values()]
     first, last = _range(list(moving.values()))
     step = (last - first) / COARSE_STEPS
-    best = _best(scaled, first + step * np.arange(COARSE_STEPS + 1), sized=False)
-    best = _best(scaled, best + step * np.arange(-FINE_STEPS, FINE_STEPS + 1), sized=True)
+    best = _best(scaled, first + step * np.arange(COARSE_STEPS + 1), with_gain=False)
+    best = _best(scaled, best + step * np.arange(-FINE_STEPS, FINE_STEPS + 1), with_gain=True)
     found = minimize_scalar(
-        lambda shift: _unexplained(scaled, best + shift, sized=True),
+        lambda shift: _unexplained(scaled, best + shift, with_gain=True),
         bounds=(-step, step),
         method="bounded",
         options={"xatol": 1e-6},
     )
     best += float(found.x)
-    rest = _unexplained(scaled, best, sized=False)
+    rest = _unexplained(scaled, best, with_gain=False)
     channels = tuple(moving)
     if rest > BELIEVED:
         return Offset(
@@ -83,17 +83,19 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     )
 
 
-def _best(scaled: list[tuple[Pair, float]], offsets: np.ndarray, *, sized: bool) -> float:
-    return float(offsets[int(np.argmin([_unexplained(scaled, float(o), sized=sized) for o in offsets]))])
+def _best(scaled: list[tuple[Pair, float]], offsets: np.ndarray, *, with_gain: bool) -> float:
+    return float(
+        offsets[int(np.argmin([_unexplained(scaled, float(o), with_gain=with_gain) for o in offsets]))]
+    )
 
 
-def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, sized: bool) -> float:
+def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, with_gain: bool) -> float:
     """Return the part of the variance that remains: 0 for the same motion, about 1 for nothing in common.
 
     Args:
         scaled: Pairs, each with its variance, so that all channels count alike.
         offset: The offset to try [s].
-        sized: Let the size of each component's motion be fitted.
+        with_gain: Let the size of each component's motion be fitted.
     """
     left, total = 0.0, 0.0
     for (a, b), scale in scaled:
@@ -102,7 +104,7 @@ def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, sized: bool
             return 1.0
         both = np.var(ours, axis=0) + np.var(theirs, axis=0)
         apart = np.var(ours - theirs, axis=0)
-        if sized:
+        if with_gain:
             product = 0.5 * (both - apart)  # the covariance
             squares = np.var(ours, axis=0) * np.var(theirs, axis=0)
             apart = both * (1.0 - np.where(squares > 0.0, product**2 / np.maximum(squares, 1e-300), 0.0))
@@ -112,7 +114,7 @@ def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, sized: bool
     return left / total if total > 0.05 * len(scaled) else 1.0
 
 
-def _telling(pairs: dict[str, Pair]) -> dict[str, Pair]:
+def _informative(pairs: dict[str, Pair]) -> dict[str, Pair]:
     """Return the channels that move: points if there are any, since each kind of sensor has a delay of its own."""
     moving = {name: pair for name, pair in pairs.items() if _moves(pair)}
     for unit in STILL:

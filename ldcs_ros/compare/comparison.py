@@ -7,8 +7,13 @@ from pathlib import Path
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.compare.alignment import Offset, Pair, estimate_offset
-from ldcs_ros.compare.difference import ChannelDifference, Figures, channel_difference
-from ldcs_ros.compare.field import FieldDifference, field_difference
+from ldcs_ros.compare.difference import (
+    ChannelDifference,
+    ErrorStatistics,
+    FieldDifference,
+    channel_difference,
+    field_difference,
+)
 from ldcs_ros.compare.tolerances import Check, Tolerances, check
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.signals import Mapping
@@ -109,7 +114,7 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
     comparison = Comparison(a, b, offset, channels, surface, length, options.relative, _only(a, b))
     if not options.tolerances:
         return comparison
-    return replace(comparison, checks=tuple(check(options.tolerances, _figures(comparison))))
+    return replace(comparison, checks=tuple(check(options.tolerances, _statistics(comparison))))
 
 
 def _offset(pairs: dict[str, Pair], a: Signals, b: Signals, options: Options) -> Offset:
@@ -121,17 +126,17 @@ def _offset(pairs: dict[str, Pair], a: Signals, b: Signals, options: Options) ->
     return estimated
 
 
-def _figures(comparison: Comparison) -> list[tuple[str, Figures, str]]:
-    found: list[tuple[str, Figures, str]] = []
+def _statistics(comparison: Comparison) -> list[tuple[str, ErrorStatistics, str]]:
+    found: list[tuple[str, ErrorStatistics, str]] = []
     for name, channel in comparison.channels.items():
         found.append((name, channel.overall, channel.unit))
         found += [
             (f"{name}.{axis}", one, channel.unit)
-            for axis, one in channel.figures.items()
+            for axis, one in channel.statistics.items()
             if axis not in ("", "distance")
         ]
     if comparison.surface is not None:
-        found.append((SURFACE, comparison.surface.figures, "m"))
+        found.append((SURFACE, comparison.surface.statistics, "m"))
     return found
 
 

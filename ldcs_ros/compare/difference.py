@@ -1,4 +1,4 @@
-"""Differences of one channel in numbers: RMS, 95th percentile, maximum, mean, and where it ends."""
+"""Differences in numbers: of one channel over time, and of the whole surface at every node."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.signals.series import Series, resample_common
+from ldcs_ros.signals.series import SAME_TIME, Series, at_times, curve, resample_common
+from ldcs_ros.signals.signals import surface_values
+from ldcs_ros.signals.tracks import SurfaceTrack
 
 # The end of a run, over which the final difference is averaged.
 END_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class Figures:
+class ErrorStatistics:
     """The difference A - B of one component, or of a distance, in SI units.
 
     Attributes:
@@ -42,7 +44,7 @@ class ChannelDifference:
         unit: Unit of the figures.
         time: Times that were compared, on A's clock [s], shape (n,).
         a, b: Values there, shape (n, k).
-        figures: Component name -> figures; 'distance' for the length of a difference in space.
+        statistics: Component name -> figures; 'distance' for the length of a difference in space.
         skipped: Times left out because the other side was silent there.
     """
 
@@ -51,13 +53,13 @@ class ChannelDifference:
     time: np.ndarray
     a: np.ndarray
     b: np.ndarray
-    figures: dict[str, Figures]
+    statistics: dict[str, ErrorStatistics]
     skipped: int
 
     @property
-    def overall(self) -> Figures:
+    def overall(self) -> ErrorStatistics:
         """The figures of the whole: of the distance, or of the only component."""
-        return self.figures.get("distance") or next(iter(self.figures.values()))
+        return self.statistics.get("distance") or next(iter(self.statistics.values()))
 
 
 def channel_difference(
@@ -79,18 +81,18 @@ def channel_difference(
         ours, theirs = ours - _beginning(time, ours), theirs - _beginning(time, theirs)
     difference = ours - theirs
     length = side_length if a.unit == "m" else None
-    parts = {axis: figures(difference[:, k], time, length) for k, axis in enumerate(a.axes)}
+    parts = {axis: statistics(difference[:, k], time, length) for k, axis in enumerate(a.axes)}
     if len(a.axes) > 1:
-        parts["distance"] = figures(np.linalg.norm(difference, axis=1), time, length)
+        parts["distance"] = statistics(np.linalg.norm(difference, axis=1), time, length)
     return ChannelDifference(name, a.unit, time, ours, theirs, parts, skipped)
 
 
-def figures(difference: np.ndarray, time: np.ndarray, side_length: float | None) -> Figures:
+def statistics(difference: np.ndarray, time: np.ndarray, side_length: float | None) -> ErrorStatistics:
     """Return the figures of a difference over time, shape (n,)."""
     amount = np.abs(difference)
     rms = float(np.sqrt(np.mean(difference**2)))
     ending = time >= time[-1] - END_SHARE * (time[-1] - time[0])
-    return Figures(
+    return ErrorStatistics(
         rms=rms,
         p95=float(np.percentile(amount, 95)),
         max=float(amount.max()),
@@ -105,3 +107,80 @@ def _beginning(time: np.ndarray, value: np.ndarray) -> np.ndarray:
     first = time <= time[0] + min(0.1, 0.02 * (time[-1] - time[0]))
     beginning: np.ndarray = value[first].mean(axis=0)
     return beginning
+
+
+# Moments compared at most: a long run is sampled evenly.
+MOST_MOMENTS = 1000
+
+
+@dataclass(frozen=True)
+class FieldDifference:
+    """The distance of every node from where the other side has it.
+
+    Attributes:
+        time: Moments, on A's clock [s], shape (n,).
+        distance: Distances [m], shape (n, 2, nx, ny).
+        place: A's node positions at the worst moment [m], shape (2, nx, ny, 3).
+        statistics: Figures of all nodes at all moments; `end` is the RMS at the last moment.
+        worst: Index of the moment with the largest distance.
+        nodes: Nodes along x and y that were compared.
+    """
+
+    time: np.ndarray
+    distance: np.ndarray
+    place: np.ndarray
+    statistics: ErrorStatistics
+    worst: int
+    nodes: tuple[int, int]
+
+    @property
+    def rms_over_nodes(self) -> np.ndarray:
+        """RMS over the nodes at each moment [m], shape (n,)."""
+        rms: np.ndarray = np.sqrt(np.mean(self.distance**2, axis=(1, 2, 3)))
+        return rms
+
+    @property
+    def rms_over_time(self) -> np.ndarray:
+        """RMS over the moments and both layers at each node [m], shape (nx, ny)."""
+        rms: np.ndarray = np.sqrt(np.mean(self.distance**2, axis=(0, 1)))
+        return rms
+
+
+def field_difference(
+    a: SurfaceTrack, b: SurfaceTrack, offset: float, *, side_length: float | None
+) -> FieldDifference | None:
+    """Return the difference of two surfaces; None if they have no time in common.
+
+    Two lattices of different size are compared at the nodes of the coarser one, the finer one interpolated in
+    the sheet; between moments, a cubic spline in time.
+    """
+    ours, theirs = surface_values(a), surface_values(b)
+    nodes = (min(a.nodes[0], b.nodes[0]), min(a.nodes[1], b.nodes[1]))
+    their_time = theirs.time - offset
+    start, end = max(ours.time[0], their_time[0]) - SAME_TIME, min(ours.time[-1], their_time[-1]) + SAME_TIME
+    index = np.flatnonzero((ours.time >= start) & (ours.time <= end))
+    if not len(index):
+        return None
+    index = index[np.unique(np.linspace(0, len(index) - 1, min(len(index), MOST_MOMENTS)).astype(int))]
+    time = ours.time[index]
+    place = _on_nodes(ours.value[index], nodes)
+    known = _on_nodes(theirs.value, nodes)
+    other = at_times(their_time, known, time, curve(their_time, known, smooth=True))
+    distance = np.linalg.norm(place - other, axis=-1)
+    worst = int(np.argmax(distance.max(axis=(1, 2, 3))))
+    flat = distance.reshape(len(time), -1)
+    whole = statistics(flat.ravel(), np.repeat(time, flat.shape[1]), side_length)
+    last = float(np.sqrt(np.mean(flat[-1] ** 2)))
+    summary = ErrorStatistics(whole.rms, whole.p95, whole.max, whole.mean, last, whole.normalised_rms)
+    return FieldDifference(time, distance, place[worst], summary, worst, nodes)
+
+
+def _on_nodes(value: np.ndarray, nodes: tuple[int, int]) -> np.ndarray:
+    """Return positions at a coarser grid of nodes, linear between those that there are."""
+    for axis, count in ((2, nodes[0]), (3, nodes[1])):
+        if value.shape[axis] != count:
+            where = np.linspace(0.0, value.shape[axis] - 1.0, count)
+            low = np.minimum(where.astype(int), value.shape[axis] - 2)
+            share = (where - low).reshape([-1 if k == axis else 1 for k in range(value.ndim)])
+            value = (1.0 - share) * value.take(low, axis=axis) + share * value.take(low + 1, axis=axis)
+    return value

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from ldcs_ros.compare.comparison import SURFACE, Comparison
-from ldcs_ros.compare.difference import ChannelDifference, Figures
-from ldcs_ros.compare.words import milliseconds, number, percent, unit
+from ldcs_ros.compare.difference import ChannelDifference, ErrorStatistics
+from ldcs_ros.compare.formatting import milliseconds, number, percent, unit
+
+REPORT = "compare.md"
 
 
 def offset_lines(comparison: Comparison) -> list[str]:
@@ -31,6 +35,18 @@ def offset_lines(comparison: Comparison) -> list[str]:
     return lines
 
 
+def write_report(comparison: Comparison, folder: Path, pictures: Sequence[Path]) -> Path:
+    """Write compare.md, which shows the pictures beside it, and return its path.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    partial = folder / f".{REPORT}.partial"
+    partial.write_text(markdown(comparison, [path.name for path in pictures]), encoding="utf-8")
+    os.replace(partial, folder / REPORT)
+    return folder / REPORT
+
+
 def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
     """Return the report as Markdown; pictures are named relative to it."""
     a, b = comparison.a, comparison.b
@@ -47,13 +63,13 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
     lines += _others(comparison)
     lines += _surface(comparison)
     lines += _checks(comparison)
-    remarks = [f"{side.name}: {remark}" for side in (a, b) for remark in side.remarks]
+    warnings = [f"{side.name}: {remark}" for side in (a, b) for remark in side.warnings]
     skipped = [
         f"{channel.name}: {channel.skipped} times left out, the other side was silent"
         for channel in comparison.channels.values()
         if channel.skipped
     ]
-    told = [*comparison.only, *skipped, *remarks]
+    told = [*comparison.only, *skipped, *warnings]
     if told:
         lines += ["## Remarks", "", *(f"- {line}" for line in told), ""]
     for picture in pictures:
@@ -79,7 +95,7 @@ def as_dict(comparison: Comparison, files: Iterable[str]) -> dict[str, Any]:
                 "skipped": channel.skipped,
                 "start": float(channel.time[0]),
                 "end": float(channel.time[-1]),
-                "figures": {axis or "value": asdict(found) for axis, found in channel.figures.items()},
+                "figures": {axis or "value": asdict(found) for axis, found in channel.statistics.items()},
             }
             for name, channel in comparison.channels.items()
         },
@@ -90,10 +106,10 @@ def as_dict(comparison: Comparison, files: Iterable[str]) -> dict[str, Any]:
             "nodes": list(surface.nodes),
             "moments": len(surface.time),
             "worst_time": float(surface.time[surface.worst]),
-            "figures": asdict(surface.figures),
+            "figures": asdict(surface.statistics),
         },
         "only": list(comparison.only),
-        "remarks": {side.name: side.remarks for side in (comparison.a, comparison.b)},
+        "remarks": {side.name: side.warnings for side in (comparison.a, comparison.b)},
         "checks": [{**asdict(one), "passed": one.passed} for one in comparison.checks],
         "passed": comparison.passed,
         "files": list(files),
@@ -115,9 +131,9 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
         worst = max(joints, key=lambda channel: channel.overall.max)
         lines.append(("joints", f"the worst, {worst.name[6:]}: {_sentence(worst.overall, 'rad')}"))
     if comparison.surface is not None:
-        lines.append((SURFACE, _sentence(comparison.surface.figures, "m")))
+        lines.append((SURFACE, _sentence(comparison.surface.statistics, "m")))
     for side in (comparison.a, comparison.b):
-        lines += [("remark", f"{side.name}: {remark}") for remark in side.remarks]
+        lines += [("remark", f"{side.name}: {remark}") for remark in side.warnings]
     for one in comparison.checks:
         if not one.passed:
             lines.append(
@@ -132,7 +148,7 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
     return lines
 
 
-def _sentence(found: Figures, si: str) -> str:
+def _sentence(found: ErrorStatistics, si: str) -> str:
     share = "" if found.normalised_rms is None else f", RMS {percent(found.normalised_rms)} of the side"
     return (
         f"RMS {number(found.rms, si)}, 95 % below {number(found.p95, si)}, "
@@ -153,12 +169,12 @@ def _points(comparison: Comparison) -> list[str]:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for channel in points:
-        for axis, found in channel.figures.items():
+        for axis, found in channel.statistics.items():
             lines.append(_row(channel, axis, found))
     return [*lines, ""]
 
 
-def _row(channel: ChannelDifference, axis: str, found: Figures) -> str:
+def _row(channel: ChannelDifference, axis: str, found: ErrorStatistics) -> str:
     cells = [
         channel.name,
         axis,
@@ -193,7 +209,7 @@ def _surface(comparison: Comparison) -> list[str]:
     surface = comparison.surface
     if surface is None:
         return []
-    found = surface.figures
+    found = surface.statistics
     return [
         "## Surface",
         "",

@@ -15,11 +15,11 @@ from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from ldcs_ros.compare.difference import Figures
+from ldcs_ros.compare.difference import ErrorStatistics
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.schema.reader import Checks
 
-FIGURES = tuple(field.name for field in fields(Figures))
+FIGURES = tuple(field.name for field in fields(ErrorStatistics))
 
 
 class ToleranceError(LdcsError, ValueError):
@@ -77,7 +77,7 @@ def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
     return tolerances
 
 
-def check(tolerances: Tolerances, compared: Iterable[tuple[str, Figures, str]]) -> list[Check]:
+def check(tolerances: Tolerances, compared: Iterable[tuple[str, ErrorStatistics, str]]) -> list[Check]:
     """Return every limit with what came out.
 
     Args:

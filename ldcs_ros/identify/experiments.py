@@ -47,7 +47,7 @@ class Experiment:
         position: Measured positions in ldcs_base [m], shape (n, n_points, 3); NaN where a point was not measured.
         noise: Standard deviation of one coordinate [m].
         noise_origin: Where the noise figure comes from, in words.
-        remarks: What was odd in the bag, in words.
+        warnings: What was odd in the bag, in words.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Experiment:
     position: np.ndarray
     noise: float
     noise_origin: str
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -87,7 +87,7 @@ def read_experiment(
     name = Path(bag).name
     recorded = recorded_run(recording) if mapping is None else None
     meaning = mapping or guess_mapping(recording)
-    remarks: list[str] = []
+    warnings: list[str] = []
     schedule: tuple[dict[str, Any], ...]
     if recorded is not None:
         run = timeline(recording, namespace=recorded.namespace, topics=dict(TOPICS))
@@ -98,10 +98,10 @@ def read_experiment(
     else:
         scene = without_schedule(scene)
         commands, told = _converted(recording, meaning, scene, name)
-        remarks += told
+        warnings += told
         schedule, settled, shift = (), meaning.initial == "rest", 0.0
     side = read_signals(recording, name=name, mapping=meaning, measured=True)
-    remarks += side.remarks
+    warnings += side.warnings
     points = tuple(point for point in scene.points if point in side.series)
     if not points:
         raise IdentificationError(
@@ -114,7 +114,7 @@ def read_experiment(
         position[np.searchsorted(time, track.time), number] = track.value
     sigma, origin = _noise(noise, None if recorded is None else recorded.scene, tracks)
     return Experiment(
-        name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(remarks)
+        name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(warnings)
     )
 
 
@@ -166,7 +166,7 @@ def _converted(
         raise SceneError(
             f"{name}: no command of the bag fits the scene: {receiver.last_refusal or 'none is mapped'}"
         )
-    return tuple(commands), [f"{i.topic}: {', '.join(i.remarks())}" for i in reports if i.remarks()]
+    return tuple(commands), [f"{i.topic}: {', '.join(i.warnings())}" for i in reports if i.warnings()]
 
 
 def _noise(given: float | None, scene: Scene | None, tracks: list[Series]) -> tuple[float, str]:

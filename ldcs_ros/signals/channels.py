@@ -76,7 +76,7 @@ class ChannelReport:
         """Return the counts by name."""
         return {**vars(self), "refused": dict(self.refused)}
 
-    def remarks(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """Return what is worth telling, in words."""
         told = [
             f"{count} {what}"

@@ -42,7 +42,7 @@ class Signals:
         in_simulation_time: Its times are a simulation's, which begins at zero.
         side_length: Length of the sheet [m], None if the recording does not say.
         title: Title of its scene, '' without one.
-        remarks: What was odd in it, in words.
+        warnings: What was odd in it, in words.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Signals:
     in_simulation_time: bool
     side_length: float | None = None
     title: str = ""
-    remarks: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, measured: bool) -> Signals:
@@ -82,23 +82,32 @@ def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, me
 def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
     said = recording.custom_data
     recording.load([topic for topic, info in recording.topics.items() if info.type in _READ])
-    remarks: list[str] = []
+    warnings: list[str] = []
     series: dict[str, Series] = {}
     truth, reported = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
     points = {**truth, **reported} if measured else {**reported, **truth}
     for point, track in points.items():
         smooth = point in truth and not (measured and point in reported)
-        _add(series, point, track.time, track.value, AXES, "m", smooth, remarks)
+        _add(series, point, track.time, track.value, AXES, "m", smooth, warnings)
     ambient = float(said.get("ambient_pressure", STANDARD_ATMOSPHERE))
     for arm, track in pressure_tracks(recording).items():
         _add(
-            series, f"{arm}/pressure", track.time, track.value[:, None] - ambient, ("",), "Pa", False, remarks
+            series,
+            f"{arm}/pressure",
+            track.time,
+            track.value[:, None] - ambient,
+            ("",),
+            "Pa",
+            False,
+            warnings,
         )
     joints = joint_tracks(recording)
     if joints is not None:
         names, angle, _ = joints
         for k, joint in enumerate(names):
-            _add(series, f"joint/{joint}", angle.time, angle.value[:, k : k + 1], ("",), "rad", True, remarks)
+            _add(
+                series, f"joint/{joint}", angle.time, angle.value[:, k : k + 1], ("",), "rad", True, warnings
+            )
     try:
         surface = surface_track(recording)
     except RecordingError:
@@ -107,11 +116,11 @@ def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
     length, title = (None, "") if scene is None else (scene.lattice.size[0], scene.title)
     # A wall clock is far from zero; a track then counts from the start of its recording.
     simulated = recording.start < 10 * 365 * 86_400 * 10**9
-    return Signals(name, series, surface, simulated, length, title, remarks)
+    return Signals(name, series, surface, simulated, length, title, warnings)
 
 
 def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
-    remarks: list[str] = []
+    warnings: list[str] = []
     series: dict[str, Series] = {}
     for source in mapping.measurements:
         report = ChannelReport(source.topic)
@@ -120,18 +129,18 @@ def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
         )
         kind = recording.topics[source.topic].type
         time, value = _measured(decoded, source, kind, report, mapping.ambient_pressure)
-        told = report.remarks()
+        told = report.warnings()
         remark = f"{source.topic}: {', '.join(told)}"
-        if told and remark not in remarks:
-            remarks.append(remark)
+        if told and remark not in warnings:
+            warnings.append(remark)
         if not len(time):
-            remarks.append(f"{source.topic}: no message for {source.to}")
+            warnings.append(f"{source.topic}: no message for {source.to}")
             continue
         axes, unit = (("",), "Pa") if source.to.endswith("/pressure") else (AXES, "m")
         if source.to.startswith("joint/"):
             axes, unit = ("",), "rad"
-        _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, remarks)
-    return Signals(name, series, None, False, remarks=remarks)
+        _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, warnings)
+    return Signals(name, series, None, False, warnings=warnings)
 
 
 def _measured(
@@ -193,11 +202,11 @@ def _add(
     axes: tuple[str, ...],
     unit: str,
     smooth: bool,
-    remarks: list[str],
+    warnings: list[str],
 ) -> None:
     time, value, dropped = clean(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
     if dropped:
-        remarks.append(f"{name}: {dropped} values dropped that were not finite or had the time of another")
+        warnings.append(f"{name}: {dropped} values dropped that were not finite or had the time of another")
     if len(time):
         series[name] = Series(time, value, axes, unit, smooth)
 

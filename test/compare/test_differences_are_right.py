@@ -7,8 +7,7 @@ import pytest
 
 from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.comparison import Options, compare
-from ldcs_ros.compare.difference import channel_difference
-from ldcs_ros.compare.field import field_difference
+from ldcs_ros.compare.difference import channel_difference, field_difference
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.signals import MappingError
 from ldcs_ros.signals.mapping import parse_mapping
@@ -28,7 +27,7 @@ def swing(time):
 def test_a_recording_does_not_differ_from_itself(run):
     result = compare(read_bag(run), read_bag(run), Options())
     assert all(channel.overall.max == 0.0 for channel in result.channels.values())
-    assert result.surface.figures.max == 0.0 and result.offset.value == 0.0
+    assert result.surface.statistics.max == 0.0 and result.offset.value == 0.0
     assert {"P0", "P1", "left/pressure", "joint/left_joint_1"} <= set(result.channels)
 
 
@@ -44,14 +43,14 @@ def test_figures_are_those_of_the_difference_put_in():
         relative=False,
     )
     for axis, column in zip(AXES, put_in.T, strict=True):
-        assert found.figures[axis].rms == pytest.approx(np.sqrt(np.mean(column**2)))
-        assert found.figures[axis].max == pytest.approx(np.abs(column).max())
-        assert found.figures[axis].p95 == pytest.approx(np.percentile(np.abs(column), 95))
-        assert found.figures[axis].mean == pytest.approx(column.mean())
+        assert found.statistics[axis].rms == pytest.approx(np.sqrt(np.mean(column**2)))
+        assert found.statistics[axis].max == pytest.approx(np.abs(column).max())
+        assert found.statistics[axis].p95 == pytest.approx(np.percentile(np.abs(column), 95))
+        assert found.statistics[axis].mean == pytest.approx(column.mean())
     distance = np.linalg.norm(put_in, axis=1)
     assert found.overall.rms == pytest.approx(np.sqrt(np.mean(distance**2)))
     assert found.overall.normalised_rms == pytest.approx(found.overall.rms / 0.14)
-    assert found.figures["z"].end == pytest.approx(0.003 * 0.975, rel=1e-2)
+    assert found.statistics["z"].end == pytest.approx(0.003 * 0.975, rel=1e-2)
 
 
 def test_resampling_a_smooth_motion_adds_microns_at_most():
@@ -130,10 +129,10 @@ def test_the_surface_error_is_where_it_was_put():
     flat = Sheet((5, 4), time, lambda t, x, y: 0.1 * t + 0.0 * x)
     bent = Sheet((5, 4), time, lambda t, x, y: 0.1 * t + t * (x > 0.13) * (y > 0.13))
     found = field_difference(bent, flat, 0.0, side_length=0.14)
-    assert found.worst == 10 and found.figures.max == pytest.approx(0.2)
+    assert found.worst == 10 and found.statistics.max == pytest.approx(0.2)
     assert np.count_nonzero(found.rms_over_time > 1e-12) == 1
     assert found.rms_over_time[4, 3] == pytest.approx(np.sqrt(np.mean(time**2)))
-    assert found.figures.end == pytest.approx(0.2 / np.sqrt(20.0))
+    assert found.statistics.end == pytest.approx(0.2 / np.sqrt(20.0))
 
 
 def test_surfaces_of_different_lattices_and_rates_are_compared_on_the_coarser_one():
@@ -144,7 +143,7 @@ def test_surfaces_of_different_lattices_and_rates_are_compared_on_the_coarser_on
     coarse = Sheet((5, 3), np.arange(26) / 25.0 + 2.0, lambda t, x, y: wave(t - 2.0, x, y))
     for a, b, offset in ((fine, coarse, 2.0), (coarse, fine, -2.0)):
         found = field_difference(a, b, offset, side_length=None)
-        assert found.nodes == (5, 3) and found.figures.max < 2e-5
+        assert found.nodes == (5, 3) and found.statistics.max < 2e-5
     assert field_difference(fine, coarse, 0.0, side_length=None) is None
 
 
@@ -152,12 +151,12 @@ def test_a_tracker_in_other_axes_and_units_agrees_but_for_its_noise(run, rig, tr
     # Bias put in: 2 mm along z; a silence of 0.3 s, which both sides' clocks must survive.
     bag = read_bag(rig(ahead=0.0, noise=1e-4, bias=0.002, silent=(0.7, 1.0)))
     result = compare(read_bag(run), bag, Options(mappings=(None, tracker_mapping)))
-    p1 = result.channels["P1"].figures
+    p1 = result.channels["P1"].statistics
     assert p1["z"].mean == pytest.approx(-0.002, abs=5e-5)
     assert p1["x"].rms == pytest.approx(1e-4, rel=0.3) and p1["y"].rms == pytest.approx(1e-4, rel=0.3)
-    assert any("missing" in remark for remark in result.b.remarks)
+    assert any("missing" in remark for remark in result.b.warnings)
     relative = compare(read_bag(run), bag, Options(mappings=(None, tracker_mapping), relative=True))
-    assert abs(relative.channels["P1"].figures["z"].mean) < 2e-4
+    assert abs(relative.channels["P1"].statistics["z"].mean) < 2e-4
 
 
 def test_recordings_without_a_common_channel_are_refused(run, rig):

@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from ldcs_ros.compare.difference import Figures
+from ldcs_ros.compare.difference import ErrorStatistics
 from ldcs_ros.compare.tolerances import ToleranceError, check, load_tolerances
 
-FOUND = Figures(rms=0.001, p95=0.002, max=0.003, mean=-0.0005, end=-0.0008, normalised_rms=0.01)
+FOUND = ErrorStatistics(rms=0.001, p95=0.002, max=0.003, mean=-0.0005, end=-0.0008, normalised_rms=0.01)
 COMPARED = [
     ("P1", FOUND, "m"),
     ("P1.z", FOUND, "m"),
-    ("left/pressure", Figures(10.0, 20.0, 30.0, 1.0, 1.0), "Pa"),
+    ("left/pressure", ErrorStatistics(10.0, 20.0, 30.0, 1.0, 1.0), "Pa"),
 ]
 
 
@@ -41,7 +41,7 @@ def test_a_pattern_without_a_dot_does_not_mean_the_axes(tmp_path):
 
 
 def test_a_figure_that_is_no_number_breaks_its_limit():
-    lost = Figures(math.nan, math.nan, math.nan, math.nan, math.nan)
+    lost = ErrorStatistics(math.nan, math.nan, math.nan, math.nan, math.nan)
     checks = check({"P1": {"rms": 1.0, "normalised_rms": 1.0}}, [("P1", lost, "m")])
     assert not any(one.passed for one in checks)
 

@@ -29,10 +29,10 @@ def number(value: float | None, si: str = "") -> str:
     """Return a value in SI as text in the unit shown, with three figures that count."""
     if value is None or not math.isfinite(value):
         return "-"
-    return figure(SHOWN[si][1] * value)
+    return three_digits(SHOWN[si][1] * value)
 
 
-def figure(shown: float) -> str:
+def three_digits(shown: float) -> str:
     """Return a number as it is shown, with three figures that count."""
     if abs(shown) < NOTHING:
         return "0"
