@@ -20,14 +20,14 @@ STEP = 0.02  # s, of the baseline: an error of micrometres
 
 # What -> (limit of its CPU time in baselines, scene, nodes, solver).
 RUNS = {
-    "arc at 1e-5 m": (0.95, "arc", 9, {"accuracy": 1e-5}),
-    "arc at 1e-7 m": (2.5, "arc", 9, {"accuracy": 1e-7}),
-    "paper at 1e-5 m": (2.9, "paper", 9, {"accuracy": 1e-5}),
-    "rig at 1e-5 m": (4.7, "rig", 9, {"accuracy": 1e-5}),
-    "arc 17 x 17 at 1e-5 m": (0.66, "arc", 17, {"accuracy": 1e-5}),
-    "arc 33 x 33 at 2e-5 m": (0.52, "arc", 33, {"accuracy": 2e-5}),
-    "arc with rkc2 at 1e-5 m": (4.5, "arc", 9, {"integrator": "rkc2", "accuracy": 1e-5}),
-    "arc with trbdf2 at 1e-4 m": (0.75, "arc", 9, {"integrator": "trbdf2", "accuracy": 1e-4}),
+    "arc at 1e-5 m": (3.2, "arc", 9, {"accuracy": 1e-5}),
+    "arc at 1e-7 m": (8.4, "arc", 9, {"accuracy": 1e-7}),
+    "paper at 1e-5 m": (9.8, "paper", 9, {"accuracy": 1e-5}),
+    "rig at 1e-5 m": (16.0, "rig", 9, {"accuracy": 1e-5}),
+    "arc 17 x 17 at 1e-5 m": (2.4, "arc", 17, {"accuracy": 1e-5}),
+    "arc 33 x 33 at 2e-5 m": (2.0, "arc", 33, {"accuracy": 2e-5}),
+    "arc with rkc2 at 1e-5 m": (15.0, "arc", 9, {"integrator": "rkc2", "accuracy": 1e-5}),
+    "arc with trbdf2 at 1e-4 m": (2.6, "arc", 9, {"integrator": "trbdf2", "accuracy": 1e-4}),
 }
 
 
@@ -71,4 +71,4 @@ def test_a_force_evaluation_costs_no_more_than_a_few_of_the_stencils():
 
     taken, reference = in_turns(ours, lambda: baseline.run(SPAN), rounds=ROUNDS)
     print(f"\nforce evaluation: {taken / reference:.2f} stencil evaluations")
-    assert taken / reference < 1.4
+    assert taken / reference < 4.8

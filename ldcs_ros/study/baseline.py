@@ -1,14 +1,15 @@
 """The floor to beat: RKC2 with fixed steps for the scene `arc`, one compiled loop without any generality.
 
-This is what a good programmer writes in an afternoon for this one scene: no effects, no matrices, a stencil over
-rows of the lattice that the compiler turns into vector instructions. Coefficients as in integrators/rkc2.py.
+A strong rival, written for this one scene: no effects, no matrices, structure of arrays. A family is all springs of one
+offset between node indices. One contiguous loop without branches or gather serves a family; a mask removes the pairs
+that the offset wraps around an edge. Coefficients as in integrators/rkc2.py.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,125 +28,190 @@ else:
         return function
 
 
-@fast
-def _add_family(x, v, force, la, lb, di, dj, length, k, c, pull):  # type: ignore[no-untyped-def]
-    # Springs from (la, i, j) to (lb, i + di, j + dj); `pull` keeps the two sums apart, so that both vectorise.
-    n, m = x.shape[2], x.shape[3]
-    low, high = max(0, -dj), m - max(0, dj)
-    for i in range(n - di):
-        for j in range(low, high):
-            dx = x[0, lb, i + di, j + dj] - x[0, la, i, j]
-            dy = x[1, lb, i + di, j + dj] - x[1, la, i, j]
-            dz = x[2, lb, i + di, j + dj] - x[2, la, i, j]
-            inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
-            rate = dx * (v[0, lb, i + di, j + dj] - v[0, la, i, j])
-            rate += dy * (v[1, lb, i + di, j + dj] - v[1, la, i, j])
-            rate += dz * (v[2, lb, i + di, j + dj] - v[2, la, i, j])
-            tension = k * (1.0 - length * inverse) + c * rate * inverse * inverse
-            pull[0, j], pull[1, j], pull[2, j] = tension * dx, tension * dy, tension * dz
-        for axis in range(3):
-            for j in range(low, high):
-                force[axis, la, i, j] += pull[axis, j]
-            for j in range(low, high):
-                force[axis, lb, i + di, j + dj] -= pull[axis, j]
+class Families(NamedTuple):
+    """The springs of the lattice by offset: family f joins node e to node e + offset[f], begin[f] <= e < end[f].
+
+    Attributes:
+        offset: Difference of node indices, shape (13,).
+        begin: First near node, same shape.
+        end: One after the last near node, same shape.
+        mask: 1 where the pair is a spring, 0 where the offset wraps around an edge, shape (13, n_nodes).
+        length: Rest length [m], shape (13,).
+    """
+
+    offset: np.ndarray
+    begin: np.ndarray
+    end: np.ndarray
+    mask: np.ndarray
+    length: np.ndarray
+
+
+def _families(n: int, m: int, spacing: tuple[float, float, float]) -> Families:
+    layer = n * m
+    i, j = np.divmod(np.arange(layer), m)
+    cases = [(0, di, dj) for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1))]
+    cases += [(1, di, dj) for di in (-1, 0, 1) for dj in (-1, 0, 1)]
+    offset, mask, length = [], np.zeros((len(cases), 2 * layer)), []
+    for case, (up, di, dj) in enumerate(cases):
+        inside = (i + di >= 0) & (i + di < n) & (j + dj >= 0) & (j + dj < m)
+        mask[case, :layer] = inside
+        mask[case, layer:] = inside & (up == 0)
+        offset.append(up * layer + di * m + dj)
+        length.append(math.sqrt(sum((step * d) ** 2 for step, d in zip((di, dj, up), spacing, strict=True))))
+    begin = [int(np.flatnonzero(row)[0]) for row in mask]
+    end = [int(np.flatnonzero(row)[-1]) + 1 for row in mask]
+    return Families(np.array(offset), np.array(begin), np.array(end), mask, np.array(length))
 
 
 @fast
-def _accelerate(x, v, rest, mass, k, c, load, out, pull):  # type: ignore[no-untyped-def]
-    n, m = x.shape[2], x.shape[3]
-    out[:] = 0.0
-    dx, dy, dz = (
-        rest[0, 0, 1, 0] - rest[0, 0, 0, 0],
-        rest[1, 0, 0, 1] - rest[1, 0, 0, 0],
-        rest[2, 1, 0, 0] - rest[2, 0, 0, 0],
+def _add_family(x, v, out, offset, begin, end, mask, length, k, c, pull):  # type: ignore[no-untyped-def]
+    # Slices of one length, so that no index can be negative: the compiler then uses vector registers.
+    ax, ay, az = x[0, begin:end], x[1, begin:end], x[2, begin:end]
+    bx, by, bz = (
+        x[0, begin + offset : end + offset],
+        x[1, begin + offset : end + offset],
+        x[2, begin + offset : end + offset],
     )
-    for case in range(4):
-        di, dj = ((1, 0), (0, 1), (1, 1), (1, -1))[case]
-        flat = math.sqrt((di * dx) ** 2 + (dj * dy) ** 2)
-        across = math.sqrt(flat * flat + dz * dz)
-        _add_family(x, v, out, 0, 0, di, dj, flat, k, c, pull)
-        _add_family(x, v, out, 1, 1, di, dj, flat, k, c, pull)
-        _add_family(x, v, out, 0, 1, di, dj, across, k, c, pull)
-        _add_family(x, v, out, 1, 0, di, dj, across, k, c, pull)
-    _add_family(x, v, out, 0, 1, 0, 0, dz, k, c, pull)
-    out[2, 1, n - 1, m // 2] += load
+    avx, avy, avz = v[0, begin:end], v[1, begin:end], v[2, begin:end]
+    bvx, bvy, bvz = (
+        v[0, begin + offset : end + offset],
+        v[1, begin + offset : end + offset],
+        v[2, begin + offset : end + offset],
+    )
+    px, py, pz, used = pull[0], pull[1], pull[2], mask[begin:end]
+    tension_at_zero = k * length
+    for e in range(ax.size):
+        dx, dy, dz = bx[e] - ax[e], by[e] - ay[e], bz[e] - az[e]
+        inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+        rate = dx * (bvx[e] - avx[e]) + dy * (bvy[e] - avy[e]) + dz * (bvz[e] - avz[e])
+        tension = used[e] * (k - tension_at_zero * inverse + c * rate * inverse * inverse)
+        px[e], py[e], pz[e] = tension * dx, tension * dy, tension * dz
     for axis in range(3):
-        for layer in range(2):
-            for i in range(n):
-                for j in range(m):
-                    out[axis, layer, i, j] *= 1.0 / mass
-    out[2] -= 9.81
+        p, near, far = pull[axis], out[axis, begin:end], out[axis, begin + offset : end + offset]
+        for e in range(near.size):
+            near[e] += p[e]
+        for e in range(far.size):
+            far[e] -= p[e]
 
 
 @fast
-def _prescribe(time, rest, curvature, x, v):  # type: ignore[no-untyped-def]
-    n, m = x.shape[2], x.shape[3]
+def _accelerate(x, v, families, k, c, steady, out, pull):  # type: ignore[no-untyped-def]
+    # k, c and the steady load are those of a unit mass: all nodes have one mass.
+    out[:] = steady
+    for f in range(families.offset.size):
+        _add_family(
+            x,
+            v,
+            out,
+            families.offset[f],
+            families.begin[f],
+            families.end[f],
+            families.mask[f],
+            families.length[f],
+            k,
+            c,
+            pull,
+        )
+
+
+@fast
+def _prescribe(time, rest, n, curvature, x, v):  # type: ignore[no-untyped-def]
+    layer = rest.shape[1] // 2
+    m = layer // n
     share = min(time, 1.0)
-    kappa, kappa_rate = (
-        curvature * share * share * (3.0 - 2.0 * share),
-        curvature * 6.0 * share * (1.0 - share),
-    )
-    for layer in range(2):
-        for i in range(n):
-            s, height = rest[0, 0, i, 0], rest[2, layer, 0, 0]
-            angle = s * kappa
-            sine, cosine = math.sin(angle), math.cos(angle)
-            if abs(angle) > 1e-4:
-                px, pz = sine / kappa, (1.0 - cosine) / kappa
-                sx, sz = (s * cosine - px) / kappa, (s * sine - pz) / kappa
-            else:
-                px, pz = s * (1.0 - angle * angle / 6.0), 0.5 * s * angle
-                sx, sz = -s * s * angle / 3.0, 0.5 * s * s
-            for j in (0, m - 1):
-                x[0, layer, i, j], v[0, layer, i, j] = (
-                    px - height * sine,
-                    kappa_rate * (sx - height * s * cosine),
-                )
-                x[1, layer, i, j], v[1, layer, i, j] = rest[1, layer, i, j], 0.0
-                x[2, layer, i, j], v[2, layer, i, j] = (
-                    pz + height * cosine,
-                    kappa_rate * (sz - height * s * sine),
-                )
-        for j in range(m):
+    kappa = curvature * share * share * (3.0 - 2.0 * share)
+    kappa_rate = curvature * 6.0 * share * (1.0 - share)
+    for i in range(n):
+        s = rest[0, i * m]
+        angle = s * kappa
+        sine, cosine = math.sin(angle), math.cos(angle)
+        if abs(angle) > 1e-4:
+            px, pz = sine / kappa, (1.0 - cosine) / kappa
+            sx, sz = (s * cosine - px) / kappa, (s * sine - pz) / kappa
+        else:
+            px, pz = s * (1.0 - angle * angle / 6.0), 0.5 * s * angle
+            sx, sz = -s * s * angle / 3.0, 0.5 * s * s
+        for level in range(2):
+            first = level * layer + i * m
+            height = rest[2, first]
+            for e in (first, first + m - 1):
+                x[0, e], v[0, e] = px - height * sine, kappa_rate * (sx - height * s * cosine)
+                x[1, e], v[1, e] = rest[1, e], 0.0
+                x[2, e], v[2, e] = pz + height * cosine, kappa_rate * (sz - height * s * sine)
+    for level in range(2):
+        for e in range(level * layer, level * layer + m):
             for axis in range(3):
-                x[axis, layer, 0, j], v[axis, layer, 0, j] = rest[axis, layer, 0, j], 0.0
+                x[axis, e], v[axis, e] = rest[axis, e], 0.0
 
 
 @fast
-def _run(state, rest, curvature, mass, k, c, load, h, first, count, s, mu, nu, mu_tilde, gamma_tilde, times):  # type: ignore[no-untyped-def]
-    # state has shape (2, 3, 2, n, m): positions and rates.
-    pull = np.empty((3, rest.shape[3]))
+def _combine(a, b, d, g, start, near, far, push, push0):  # type: ignore[no-untyped-def]
+    rest_share = 1.0 - a - b
+    for e in range(far.size):
+        far[e] = rest_share * start[e] + a * near[e] + b * far[e] + d * push[e] + g * push0[e]
+
+
+@fast
+def _run(  # type: ignore[no-untyped-def]
+    state,
+    rest,
+    n,
+    families,
+    curvature,
+    k,
+    c,
+    steady,
+    h,
+    first,
+    count,
+    s,
+    mu,
+    nu,
+    mu_tilde,
+    gamma_tilde,
+    times,
+):
+    # state has shape (2, 3, n_nodes): positions and rates.
+    pull = np.empty((3, rest.shape[1]))
     push0, push = np.empty_like(state), np.empty_like(state)
     near, far, start = state.copy(), state.copy(), state.copy()
     for step in range(first, first + count):
         time = step * h
         start[:] = state
-        _prescribe(time, rest, curvature, start[0], start[1])
+        _prescribe(time, rest, n, curvature, start[0], start[1])
         push0[0] = start[1]
-        _accelerate(start[0], start[1], rest, mass, k, c, load, push0[1], pull)
+        _accelerate(start[0], start[1], families, k, c, steady, push0[1], pull)
         far[:] = start
-        flat_near, flat_far, flat_push = near.ravel(), far.ravel(), push.ravel()
-        flat_start, flat_push0 = start.ravel(), push0.ravel()
-        for e in range(flat_near.size):
-            flat_near[e] = flat_start[e] + mu_tilde[1] * h * flat_push0[e]
+        near[:] = start
+        _combine(
+            0.0,
+            0.0,
+            mu_tilde[1] * h,
+            0.0,
+            start.ravel(),
+            start.ravel(),
+            near.ravel(),
+            push0.ravel(),
+            push0.ravel(),
+        )
         for j in range(2, s + 1):
-            _prescribe(time + times[j - 1] * h, rest, curvature, near[0], near[1])
+            _prescribe(time + times[j - 1] * h, rest, n, curvature, near[0], near[1])
             push[0] = near[1]
-            _accelerate(near[0], near[1], rest, mass, k, c, load, push[1], pull)
-            a, b, d, g = mu[j], nu[j], mu_tilde[j] * h, gamma_tilde[j] * h
-            rest_share = 1.0 - a - b
-            flat_near, flat_far = near.ravel(), far.ravel()
-            for e in range(flat_near.size):
-                flat_far[e] = (
-                    rest_share * flat_start[e]
-                    + a * flat_near[e]
-                    + b * flat_far[e]
-                    + d * flat_push[e]
-                    + g * flat_push0[e]
-                )
+            _accelerate(near[0], near[1], families, k, c, steady, push[1], pull)
+            _combine(
+                mu[j],
+                nu[j],
+                mu_tilde[j] * h,
+                gamma_tilde[j] * h,
+                start.ravel(),
+                near.ravel(),
+                far.ravel(),
+                push.ravel(),
+                push0.ravel(),
+            )
             near, far = far, near
         state[:] = near
-        _prescribe(time + h, rest, curvature, state[0], state[1])
+        _prescribe(time + h, rest, n, curvature, state[0], state[1])
 
 
 class ArcBaseline:
@@ -162,25 +228,35 @@ class ArcBaseline:
 
         scene = load_scene(content_of("arc", nodes))
         springs, force, drive = scene.effect("springs"), scene.effect("force"), scene.effect("driven_edges")
-        self._shape = (2, nodes, nodes)
-        self._rest = np.ascontiguousarray(scene.lattice.rest_position.T.reshape(3, *self._shape))
+        lattice, mass = scene.lattice, scene.lattice.node_mass[0]
+        self._rest = np.ascontiguousarray(lattice.rest_position.T)
         self._per_interval = round(ERROR_TIMES[0] / h)
         self.h, self.stages = ERROR_TIMES[0] / self._per_interval, stages(1.02 * radius * h)
         known = coefficients(self.stages)
         self._constants = (
             self._rest,
+            nodes,
+            _families(nodes, nodes, (*lattice.spacing, lattice.size[2])),
             drive.curvature,
-            scene.lattice.node_mass[0],
-            springs.stiffness,
-            springs.damping,
+            springs.stiffness / mass,
+            springs.damping / mass,
         )
+        self._loaded, self._mass = lattice.node("top", nodes - 1, nodes // 2), mass
         self._load = force.value[2]
+        self._weight = scene.effect("gravity").acceleration[2]
         self._scheme = (self.stages, known.mu, known.nu, known.mu_tilde, known.gamma_tilde, known.c)
+
+    def _steady(self, push: float) -> np.ndarray:
+        """Return the acceleration by weight and load [m/s^2], shape (3, n_nodes)."""
+        steady = np.zeros_like(self._rest)
+        steady[2] = self._weight
+        steady[2, self._loaded] += (self._load + push) / self._mass
+        return steady
 
     def step(self) -> None:
         """Take the first step, to see what one costs."""
         state = np.stack([self._rest, np.zeros_like(self._rest)])
-        _run(state, *self._constants, self._load, self.h, 0, 1, *self._scheme)
+        _run(state, *self._constants, self._steady(0.0), self.h, 0, 1, *self._scheme)
 
     def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
         """Return node positions at times [m] with a further load that is set anew at a rate.
@@ -195,10 +271,10 @@ class ArcBaseline:
         for time in times:
             while done < round(time / self.h):
                 count = min(held - done % held, round(time / self.h) - done)
-                load = self._load + push(done // held / rate)
-                _run(state, *self._constants, load, self.h, done, count, *self._scheme)
+                steady = self._steady(push(done // held / rate))
+                _run(state, *self._constants, steady, self.h, done, count, *self._scheme)
                 done += count
-            course.append(state[0].reshape(3, -1).T.copy())
+            course.append(state[0].T.copy())
         return np.array(course)
 
     def run(self, times: tuple[float, ...]) -> np.ndarray:
@@ -207,7 +283,7 @@ class ArcBaseline:
         course, done = [], 0
         for time in times:
             whole = round(time / ERROR_TIMES[0]) * self._per_interval
-            _run(state, *self._constants, self._load, self.h, done, whole - done, *self._scheme)
+            _run(state, *self._constants, self._steady(0.0), self.h, done, whole - done, *self._scheme)
             done = whole
-            course.append(state[0].reshape(3, -1).T.copy())
+            course.append(state[0].T.copy())
         return np.array(course)
