@@ -14,9 +14,10 @@ from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, FLUID, SETPOINT, TRACKER, T
 from ldcs_ros.physics.effects import EFFECTS
 from ldcs_ros.physics.material import Material
 from ldcs_ros.rig.topics import bridge_topics
+from ldcs_ros.ros.common.parameters import NodeParameter
 from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
-from ldcs_ros.ros.sim.parameters import PARAMETERS, NodeParameter
+from ldcs_ros.ros.sim.parameters import PARAMETERS
 from ldcs_ros.scene.schema import REPEATABLE, SENSORS, TOP_KEYS
 
 ROOT = Path(__file__).resolve().parents[1]

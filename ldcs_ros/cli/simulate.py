@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunSummary:
     """How a run went.
 
     Attributes:
@@ -116,7 +116,7 @@ class Outcome:
     interrupted: bool
 
 
-def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -> Outcome:
+def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -> RunSummary:
     began = time.perf_counter()
     if arguments.settle:
         twin.settle()
@@ -129,7 +129,7 @@ def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -
             progress.show(twin.time)
         if not interruption.requested:
             twin.advance_to(end)
-    return Outcome(prepared_in, time.perf_counter() - began, twin.time - start, interruption.requested)
+    return RunSummary(prepared_in, time.perf_counter() - began, twin.time - start, interruption.requested)
 
 
 def _warm_up(twin: Twin) -> None:
@@ -150,7 +150,7 @@ def _give_up(twin: Twin, recorder: Recorder | None) -> str:
 
 
 def _report(
-    twin: Twin, arguments: argparse.Namespace, outcome: Outcome, recorder: Recorder | None
+    twin: Twin, arguments: argparse.Namespace, outcome: RunSummary, recorder: Recorder | None
 ) -> dict[str, Any]:
     simulation, scene = twin.simulation, twin.scene
     statistics = simulation.statistics

@@ -53,7 +53,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SurfaceEstimate:
     """What the filter believes at an instant.
 
     Attributes:
@@ -197,7 +197,7 @@ class SurfaceFilter:
         self._scale = float(np.clip(self._scale * np.exp(_PATIENCE * surprise), *_SCALES))
         return squared
 
-    def at(self, time: float) -> Estimate:
+    def at(self, time: float) -> SurfaceEstimate:
         """Return the estimate at a time [s], not before that of the state; the state stays where it is."""
         with one_thread():
             a, v = self._flow(self._a, self._v, self.time, max(time, self.time))
@@ -206,7 +206,7 @@ class SurfaceFilter:
         for point, (offset, rows) in self._places.items():
             points[point] = (offset + rows @ a, rows @ self._covariance[:n, :n] @ rows.T)
         deviation = np.sqrt(np.maximum(np.diag(self._covariance)[2 * n :], 0.0))
-        return Estimate(
+        return SurfaceEstimate(
             time,
             self._reduced.position(a),
             self._reduced.velocity(v),

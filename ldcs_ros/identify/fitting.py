@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from ldcs_ros.identify.experiments import IdentificationError
-from ldcs_ros.identify.parameters import Parameter, values_at
+from ldcs_ros.identify.parameters import FitParameter, values_at
 from ldcs_ros.identify.prediction import FIT_ACCURACY
 from ldcs_ros.identify.workers import Workers
 
@@ -51,7 +51,7 @@ class Minimum:
 
 
 def search(
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     workers: Workers,
     *,
     starts: int = 8,
@@ -124,7 +124,7 @@ class _Descent:
 
     def __init__(
         self,
-        parameters: Sequence[Parameter],
+        parameters: Sequence[FitParameter],
         workers: Workers,
         accuracy: float,
         tell: Callable[[str], None],
@@ -205,7 +205,7 @@ def _telling(tell: Callable[[float, str], None], share: float, label: str) -> Ca
     return lambda cost: tell(share, f"{label}, {cost}")
 
 
-def _starts(parameters: Sequence[Parameter], count: int, seed: int) -> np.ndarray:
+def _starts(parameters: Sequence[FitParameter], count: int, seed: int) -> np.ndarray:
     own = np.array([[p.share(p.start) for p in parameters]])
     if count <= 1:
         return own

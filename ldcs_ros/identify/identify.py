@@ -12,8 +12,8 @@ import yaml
 from ldcs_ros.identify.experiments import Experiment, IdentificationError
 from ldcs_ros.identify.fitting import Minimum, distinct, search
 from ldcs_ros.identify.judgement import (
-    Estimate,
     Misfit,
+    ParameterEstimate,
     Score,
     correlation,
     estimates,
@@ -21,7 +21,7 @@ from ldcs_ros.identify.judgement import (
     score,
     scores,
 )
-from ldcs_ros.identify.parameters import Parameter, check_parameters, values_at, with_values
+from ldcs_ros.identify.parameters import FitParameter, check_parameters, values_at, with_values
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.scene import Scene
 
@@ -43,7 +43,7 @@ class Identification:
     """
 
     content: dict[str, Any]
-    estimates: list[Estimate]
+    estimates: list[ParameterEstimate]
     correlation: np.ndarray
     misfit: Misfit
     whole: Score
@@ -56,7 +56,7 @@ class Identification:
 def identify(
     scene: Scene,
     experiments: Sequence[Experiment],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FitParameter],
     *,
     held_out: Sequence[Experiment] = (),
     starts: int = 8,

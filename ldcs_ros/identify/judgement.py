@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 
 from ldcs_ros.identify.experiments import Experiment
 from ldcs_ros.identify.fitting import Minimum
-from ldcs_ros.identify.parameters import Parameter
+from ldcs_ros.identify.parameters import FitParameter
 
 # A sound structure exceeds these once in millions of fits: five standard deviations of either statistic.
 ALARM = 5.0
@@ -20,7 +20,7 @@ UNDETERMINED = 0.25  # share of the bounds: a wider standard deviation says that
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """A fitted number.
 
     Attributes:
@@ -31,7 +31,7 @@ class Estimate:
         undetermined: The data hardly tell it.
     """
 
-    parameter: Parameter
+    parameter: FitParameter
     value: float
     low: float
     high: float
@@ -81,7 +81,9 @@ class Misfit:
     words: str
 
 
-def estimates(parameters: Sequence[Parameter], minimum: Minimum, *, inflation: float) -> list[Estimate]:
+def estimates(
+    parameters: Sequence[FitParameter], minimum: Minimum, *, inflation: float
+) -> list[ParameterEstimate]:
     """Return value and 95 % interval of each parameter, from the Fisher information J^T J of the residuals.
 
     Args:
@@ -95,7 +97,9 @@ def estimates(parameters: Sequence[Parameter], minimum: Minimum, *, inflation: f
         reach = NINETY_FIVE * float(wide)
         low, high = (p.value(float(np.clip(share + sign * reach, -1.0, 2.0))) for sign in (-1.0, 1.0))
         at_bound = bool(share < 1e-4 or share > 1.0 - 1e-4)
-        found.append(Estimate(p, p.value(float(share)), low, high, at_bound, bool(wide > UNDETERMINED)))
+        found.append(
+            ParameterEstimate(p, p.value(float(share)), low, high, at_bound, bool(wide > UNDETERMINED))
+        )
     return found
 
 

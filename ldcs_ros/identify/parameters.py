@@ -19,7 +19,7 @@ LOGARITHMIC = 4.0  # bounds whose ratio is at least this are searched on a logar
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FitParameter:
     """A number of the scene that is to be found.
 
     Attributes:
@@ -57,7 +57,7 @@ class Parameter:
         return self.high - self.low
 
 
-def parse_parameter(text: str, content: dict[str, Any]) -> Parameter:
+def parse_parameter(text: str, content: dict[str, Any]) -> FitParameter:
     """Return the parameter of `PATH` or `PATH=LOW..HIGH`.
 
     Raises:
@@ -88,10 +88,10 @@ def parse_parameter(text: str, content: dict[str, Any]) -> Parameter:
         raise IdentificationError(
             f"--fit {text}: the scene has {start:g}, which is not in {low:g} ... {high:g}"
         )
-    return Parameter(path.strip(), start, low, high)
+    return FitParameter(path.strip(), start, low, high)
 
 
-def check_parameters(parameters: Sequence[Parameter], content: dict[str, Any]) -> None:
+def check_parameters(parameters: Sequence[FitParameter], content: dict[str, Any]) -> None:
     """Check that the scene is sound at every bound.
 
     Raises:
@@ -120,7 +120,7 @@ def with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, 
     return changed
 
 
-def values_at(parameters: Sequence[Parameter], shares: np.ndarray) -> dict[str, float]:
+def values_at(parameters: Sequence[FitParameter], shares: np.ndarray) -> dict[str, float]:
     """Return the values by path at shares of the way between the bounds, shape (n,)."""
     return {p.path: p.value(float(s)) for p, s in zip(parameters, shares, strict=True)}
 

@@ -13,7 +13,7 @@ import yaml
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.identify.experiments import Experiment
 from ldcs_ros.identify.identify import Identification
-from ldcs_ros.identify.judgement import Estimate, Score
+from ldcs_ros.identify.judgement import ParameterEstimate, Score
 
 WIDTH = 116
 
@@ -62,7 +62,7 @@ def write_scene(path: Path, text: str) -> None:
         raise RecordingError(f"cannot write {path}: {error.strerror}") from error
 
 
-def estimate_words(item: Estimate) -> str:
+def estimate_words(item: ParameterEstimate) -> str:
     """Return a fitted number in words: path, value, interval, and what is wrong with it."""
     remark = ", at its bound" if item.at_bound else ", the data hardly tell it" if item.undetermined else ""
     p = item.parameter

@@ -24,7 +24,7 @@ from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run
 from ldcs_ros.ros.common.launching import PACKAGE, argument, node
-from ldcs_ros.ros.sim.runner import Mode
+from ldcs_ros.ros.sim.runner import RunMode
 
 # The player starts when the twin's time has run for two seconds, and takes a moment.
 LEAD = 3.0
@@ -64,7 +64,7 @@ def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
     def play(event: ProcessIO) -> ExecuteProcess | None:
         # The twin's first line about its time; before, it compiles, and would miss the first commands.
-        return players.pop() if players and Mode.RUNNING.value.encode() in event.text else None
+        return players.pop() if players and RunMode.RUNNING.value.encode() in event.text else None
 
     settled = (
         [LogInfo(msg="The bag began at rest; this twin begins at the start of the scene.")]

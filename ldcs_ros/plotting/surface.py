@@ -37,7 +37,7 @@ _LABEL_LIFT = 6.0  # mm above the place of a load
 
 
 @dataclass(frozen=True)
-class Frame:
+class ViewBox:
     """What all panels of one figure, or all frames of one motion, share.
 
     Attributes:
@@ -50,7 +50,7 @@ class Frame:
     scale: Normalize
 
 
-def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> Frame:
+def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> ViewBox:
     """Return the box and the colour scale that hold all the positions [m], shape (2, nx, ny, 3) each."""
     everything = MM * np.stack([*positions, rest])
     low, high = everything.min(axis=(0, 1, 2, 3)), everything.max(axis=(0, 1, 2, 3))
@@ -59,7 +59,7 @@ def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> Frame:
     # A flat sheet still needs some height for its loads and a readable z axis.
     high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
     largest = max(float(np.linalg.norm(everything[:-1] - everything[-1], axis=-1).max()), 1e-3)
-    return Frame(low, high, Normalize(0.0, largest))
+    return ViewBox(low, high, Normalize(0.0, largest))
 
 
 def surface_figure(
@@ -123,7 +123,7 @@ def _columns(count: int, look: Look) -> int:
     return count if count <= min(most, 3) else math.ceil(count / math.ceil(count / most))
 
 
-def add_colour_bar(figure: Figure, axes: Any, frame: Frame, look: Look = SCREEN) -> None:
+def add_colour_bar(figure: Figure, axes: Any, frame: ViewBox, look: Look = SCREEN) -> None:
     """Draw the key of the colours."""
     bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
     bar.set_label("displacement [mm]", fontsize=look.label, color=INK)
@@ -132,7 +132,7 @@ def add_colour_bar(figure: Figure, axes: Any, frame: Frame, look: Look = SCREEN)
 
 
 def draw_surface(
-    axes: Axes3D, position: np.ndarray, subject: Subject, frame: Frame, *, large: bool, look: Look = SCREEN
+    axes: Axes3D, position: np.ndarray, subject: Subject, frame: ViewBox, *, large: bool, look: Look = SCREEN
 ) -> None:
     """Draw one state of the sheet [m], shape (2, nx, ny, 3), into 3D axes."""
     place = MM * position
@@ -245,7 +245,7 @@ def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: boo
         )
 
 
-def _dress(axes: Axes3D, frame: Frame, *, large: bool, look: Look) -> None:
+def _dress(axes: Axes3D, frame: ViewBox, *, large: bool, look: Look) -> None:
     for limits, low, high in zip(
         (axes.set_xlim, axes.set_ylim, axes.set_zlim), frame.low, frame.high, strict=True
     ):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
-from ldcs_ros.estimate.filter import Estimate, SurfaceFilter
+from ldcs_ros.estimate.filter import SurfaceEstimate, SurfaceFilter
 from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.messages.surface import NodeCloud
@@ -99,7 +99,7 @@ class Mirror:
         return SurfaceFilter(self._twin.scene, self._points, start=start)
 
 
-def _pose(now: int, point: str, estimate: Estimate) -> bytes:
+def _pose(now: int, point: str, estimate: SurfaceEstimate) -> bytes:
     place, covariance = estimate.points[point]
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = covariance

@@ -26,7 +26,7 @@ class EventSource(Protocol):
         """Emit the messages that are due at a time [s]."""
 
 
-class Periodic:
+class PeriodicSource:
     """A source of one event per period, at exact multiples of the period.
 
     Args:

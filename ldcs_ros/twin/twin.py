@@ -20,7 +20,7 @@ from ldcs_ros.messages.topics import TOPICS, Topic
 from ldcs_ros.physics.state import State
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.commands import Commands, Refusal
-from ldcs_ros.twin.events import EventSource, Periodic
+from ldcs_ros.twin.events import EventSource, PeriodicSource
 from ldcs_ros.twin.reports import Reports
 from ldcs_ros.twin.sensor_suite import SensorSuite, pressure_parameters, tracker_parameters
 from ldcs_ros.twin.settings import RunSettings
@@ -107,11 +107,11 @@ class Twin:
         sensors = SensorSuite(
             self.simulation, self._reports, tracker=tracker, pressure=pressure, seed=self.settings.seed
         )
-        self._report = Periodic(self.settings.publish_rate, self._report_state)
+        self._report = PeriodicSource(self.settings.publish_rate, self._report_state)
         # In this order at one time: a measurement that is delivered without delay belongs to that very report.
         self._sources: list[EventSource] = [sensors, self._report]
         if diagnostics:
-            self._sources.append(Periodic(DIAGNOSTICS_RATE, self._report_health))
+            self._sources.append(PeriodicSource(DIAGNOSTICS_RATE, self._report_health))
         self.topics: dict[str, Topic] = dict(self._reports.topics)
         self.topics["/diagnostics"] = TOPICS["/diagnostics"]
         self.topics |= {name: topic for name, topic in TOPICS.items() if topic.direction == "in"}

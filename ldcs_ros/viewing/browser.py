@@ -41,7 +41,7 @@ _FLAGS = (
 )
 
 
-class Refused(ViewingError):
+class CommandRefused(ViewingError):
     """The browser would not do what it was asked."""
 
 
@@ -101,7 +101,7 @@ def _picture(
         time.sleep(_LOOK_PERIOD)
         try:
             png = base64.b64decode(chromium.ask("Page.captureScreenshot", page, format="png")["data"])
-        except Refused:  # while it goes to another page there is none
+        except CommandRefused:  # while it goes to another page there is none
             continue
         seen = _pixels(png)
         if np.array_equal(seen, before) and ready(seen):
@@ -163,7 +163,7 @@ class _Chromium:
             answer = self._next_message(deadline)
             if answer.get("id") == self._number:
                 if "error" in answer:
-                    raise Refused(f"the browser refused {method}: {answer['error'].get('message')}")
+                    raise CommandRefused(f"the browser refused {method}: {answer['error'].get('message')}")
                 result: dict[str, Any] = answer["result"]
                 return result
 

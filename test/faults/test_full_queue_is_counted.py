@@ -11,7 +11,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros.messages.messages import pressure_command
-from ldcs_ros.ros.common.intake import Intake
+from ldcs_ros.ros.common.transport import DrainingSubscription
 
 
 def test_what_was_taken_and_what_was_missed_is_what_was_sent():
@@ -22,8 +22,8 @@ def test_what_was_taken_and_what_was_missed_is_what_was_sent():
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
         taken: list[bytes] = []
-        intake = Intake(taken.append)
-        intake.subscription = node.create_subscription(Float64MultiArray, "x", intake, 5, raw=True)
+        callback = DrainingSubscription(taken.append)
+        callback.subscription = node.create_subscription(Float64MultiArray, "x", callback, 5, raw=True)
         senders = [node.create_publisher(Float64MultiArray, "x", KEEP_ALL) for _ in range(2)]
         while any(sender.get_subscription_count() == 0 for sender in senders):
             executor.spin_once(timeout_sec=0.02)
@@ -39,12 +39,12 @@ def test_what_was_taken_and_what_was_missed_is_what_was_sent():
 
         send(1)  # who is heard for the first time has missed nothing yet
         take()
-        assert (len(taken), intake.missed) == (2, 0)
+        assert (len(taken), callback.missed) == (2, 0)
         send(20)
         send(1)
         take()
-        assert len(taken) + intake.missed == 2 * 22
-        assert intake.missed >= 2 * 22 - 2 - 5 - 2
+        assert len(taken) + callback.missed == 2 * 22
+        assert callback.missed >= 2 * 22 - 2 - 5 - 2
         executor.shutdown()
         node.destroy_node()
     finally:

@@ -16,7 +16,7 @@ from live import LiveNode, PlainUser, own_domain
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.rig.rig_file import shipped_rigs
-from ldcs_ros.ros.common.security import check_security
+from ldcs_ros.ros.common.node_process import check_security
 
 ROOT = Path(__file__).resolve().parents[2]
 POLICY = ROOT / "ldcs_ros/config/sros2_policy.xml"

@@ -9,9 +9,9 @@ import numpy as np
 
 from ldcs_ros import load_scene
 from ldcs_ros.messages.diagnostics import ERROR
-from ldcs_ros.ros.sim.health import health
 from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
-from ldcs_ros.ros.sim.runner import Mode, Runner
+from ldcs_ros.ros.sim.runner import RunMode, Runner
+from ldcs_ros.ros.sim.status import health
 from ldcs_ros.study.hard.scenes import HANGING, changed
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
@@ -55,7 +55,7 @@ def test_a_run_that_cannot_go_on_pauses_with_an_error_and_reset_brings_it_back()
     try:
         runner.call(runner.resume)
         assert failed.wait(30.0)
-        assert runner.mode is Mode.FAILED
+        assert runner.mode is RunMode.FAILED
         assert "stopped at t =" in told[0] and "node_" in told[0] and "reduce dt" in told[0]
         solver = next(status for status in health(runner, None, "", {}, 0) if status.name == "solver")
         assert solver.level == ERROR and "call reset" in solver.message
@@ -64,7 +64,7 @@ def test_a_run_that_cannot_go_on_pauses_with_an_error_and_reset_brings_it_back()
         assert len(published) == count
         assert all(message[3] <= round(stopped_at * 1e9) for message in published)
         runner.call(runner.reset)
-        assert runner.mode is not Mode.FAILED and not runner.failure and twin.time < stopped_at + 1e-9
+        assert runner.mode is not RunMode.FAILED and not runner.failure and twin.time < stopped_at + 1e-9
     finally:
         runner.stop()
     values = list(_positions(published))

@@ -14,7 +14,7 @@ from ldcs_ros.errors import LdcsError
 from ldcs_ros.identify.experiments import Experiment, estimated_noise, read_experiment
 from ldcs_ros.identify.fitting import Minimum
 from ldcs_ros.identify.judgement import covariance, misfit, score
-from ldcs_ros.identify.parameters import Parameter, check_parameters, parse_parameter
+from ldcs_ros.identify.parameters import FitParameter, check_parameters, parse_parameter
 from ldcs_ros.identify.prediction import predict, residuals
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.messages.messages import pressure_command
@@ -38,7 +38,7 @@ def test_a_parameter_without_bounds_is_looked_for_around_its_value(content):
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 16.0), (-1.0, 2.0), (1.0, 1.5)])
 def test_shares_and_values_are_inverse_and_slopes_are_their_slopes(low, high):
-    parameter = Parameter("x", 1.1, low, high)
+    parameter = FitParameter("x", 1.1, low, high)
     for share in (0.0, 0.3, 1.0):
         assert parameter.share(parameter.value(share)) == pytest.approx(share)
         slope = (parameter.value(share + 1e-6) - parameter.value(share - 1e-6)) / 2e-6

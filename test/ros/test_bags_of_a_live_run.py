@@ -6,7 +6,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.bags import read_bag
-from ldcs_ros.ros.sim.bag_keeper import BagKeeper
+from ldcs_ros.ros.sim.recording_session import RecordingSession
 from ldcs_ros.twin.twin import Twin
 
 
@@ -23,7 +23,7 @@ class Logger(list):
 @pytest.fixture
 def keeper(tmp_path):
     """A keeper that records a twin of the scene `single_spring` into a folder, and that twin."""
-    kept = BagKeeper(Logger())
+    kept = RecordingSession(Logger())
     twin = Twin(load_scene("single_spring"))
     kept.start(str(tmp_path / "bag"), twin, "/here")
     yield kept, twin

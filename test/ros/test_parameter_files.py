@@ -34,7 +34,7 @@ def example(request, tmp_path_factory):
     """Run a node with its example until it has started and end it as Ctrl-C does: its name, output and services."""
     node, domain = request.param, own_domain()
     log = tmp_path_factory.mktemp(node) / "log"
-    command = [sys.executable, "-m", f"ldcs_ros.ros.{'sim' if node == 'sim' else 'rig'}.{node}_node"]
+    command = [sys.executable, "-m", "ldcs_ros.ros", node]
     command += ["--ros-args", "--params-file", str(CONFIG / f"{node}.yaml")]
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
     with open(log, "w") as stream:

@@ -9,8 +9,9 @@ import pytest
 from fake_scene import Collector, RailScene
 
 from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.ros.common.refusals import InvalidStateError
 from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
-from ldcs_ros.ros.sim.runner import Mode, NotNow, Runner
+from ldcs_ros.ros.sim.runner import RunMode, Runner
 from ldcs_ros.twin.twin import Twin
 
 
@@ -49,17 +50,17 @@ def until(condition, timeout=5.0):
 def test_a_divergence_pauses_with_the_last_good_state_and_reset_brings_it_back(run):
     runner, collected, told = run(RailScene(diverges_at=0.05), factor=AS_FAST_AS_POSSIBLE)
     runner.call(runner.resume)
-    until(lambda: runner.mode is Mode.FAILED)
+    until(lambda: runner.mode is RunMode.FAILED)
     assert "diverged" in told[0]
     assert [message[3] for message in collected.on("nodes")] == [0, 20_000_000, 40_000_000]
-    with pytest.raises(NotNow, match="call reset"):
+    with pytest.raises(InvalidStateError, match="call reset"):
         runner.call(runner.resume)
-    with pytest.raises(NotNow):
+    with pytest.raises(InvalidStateError):
         runner.call(runner.step)
     runner.twin.scene.diverges_at = float("inf")
     runner.call(runner.reset)
     until(lambda: runner.twin.time > 0.1)
-    assert runner.mode is Mode.RUNNING
+    assert runner.mode is RunMode.RUNNING
 
 
 def test_a_reset_while_paused_shows_the_start_and_stays_paused(run):
@@ -69,7 +70,7 @@ def test_a_reset_while_paused_shows_the_start_and_stays_paused(run):
     runner.call(runner.step)
     runner.call(runner.reset)
     assert [message[3] for message in collected.on("nodes")] == [0, 20_000_000, 0]
-    assert (runner.mode, told) == (Mode.PAUSED, ["reset"])
+    assert (runner.mode, told) == (RunMode.PAUSED, ["reset"])
 
 
 def test_commands_act_in_the_order_in_which_they_came(run):

@@ -16,11 +16,11 @@ def moving():
     """The paper's scene on its way up, with its entities' motions a moment before, now and a moment later."""
     simulation = load_scene("paper").build()
     entities = Entities(simulation)
-    motions = []
+    kinematics = []
     for time in (0.2 - STEP, 0.2, 0.2 + STEP):
         simulation.advance_to(time)
-        motions.append(entities.motions(entities.instant()))
-    return simulation, entities, motions
+        kinematics.append(entities.kinematics(entities.instant()))
+    return simulation, entities, kinematics
 
 
 def test_points_nodes_and_links_are_there_by_name(moving):
@@ -36,11 +36,11 @@ def test_points_nodes_and_links_are_there_by_name(moving):
 
 @pytest.mark.parametrize("name", ["P0", "P1", "node_top_8_4", "node_bottom_3_0"])
 def test_poses_are_those_of_the_simulation(moving, name):
-    simulation, entities, motions = moving
+    simulation, entities, kinematics = moving
     position, orientation = simulation.pose(name)
     row = entities.all[name].row
-    assert motions[2].position[row] == pytest.approx(position, abs=1e-15)
-    assert motions[2].orientation(row) == pytest.approx(orientation, abs=1e-12)
+    assert kinematics[2].position[row] == pytest.approx(position, abs=1e-15)
+    assert kinematics[2].orientation(row) == pytest.approx(orientation, abs=1e-12)
 
 
 def test_twists_and_accelerations_are_time_derivatives(moving):
@@ -50,10 +50,13 @@ def test_twists_and_accelerations_are_time_derivatives(moving):
     acceleration = (after.velocity - before.velocity) / (2.0 * STEP)
     assert np.abs(now.acceleration - acceleration).max() < 1e-2 * np.abs(acceleration).max()
     turned = np.einsum("nij,nkj->nik", after.axes - before.axes, now.axes) / (2.0 * STEP)
-    turning = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=-1)
-    assert np.abs(now.turning - turning).max() < 1e-4 * np.abs(turning).max()
-    turning_rate = (after.turning - before.turning) / (2.0 * STEP)
-    assert np.abs(now.turning_rate - turning_rate).max() < 1e-2 * np.abs(turning_rate).max()
+    angular_velocity = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=-1)
+    assert np.abs(now.angular_velocity - angular_velocity).max() < 1e-4 * np.abs(angular_velocity).max()
+    angular_acceleration = (after.angular_velocity - before.angular_velocity) / (2.0 * STEP)
+    assert (
+        np.abs(now.angular_acceleration - angular_acceleration).max()
+        < 1e-2 * np.abs(angular_acceleration).max()
+    )
 
 
 def test_links_hang_together_and_the_first_stands_at_the_base(moving):
@@ -69,11 +72,11 @@ def test_links_hang_together_and_the_first_stands_at_the_base(moving):
 def test_what_is_driven_has_the_acceleration_of_its_course():
     simulation = load_scene("arc").build()
     entities = Entities(simulation)
-    row, motions = entities.all["node_top_8_0"].row, []
+    row, kinematics = entities.all["node_top_8_0"].row, []
     for time in (0.3 - STEP, 0.3, 0.3 + STEP):
         simulation.advance_to(time)
-        motions.append(entities.motions(entities.instant()))
-    before, now, after = motions
+        kinematics.append(entities.kinematics(entities.instant()))
+    before, now, after = kinematics
     expected = (after.velocity[row] - before.velocity[row]) / (2.0 * STEP)
     assert now.acceleration[row] == pytest.approx(expected, rel=1e-3, abs=1e-4)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ldcs_ros.ros.simulator.name_filter import NameFilter
+from ldcs_ros.ros.simulator.filters import NameFilter
 
 NAMES = ["P0", "P1", "left_link_1", "node_top_8_4", "node_bottom_10_12", ""]
 

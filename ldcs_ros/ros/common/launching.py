@@ -11,7 +11,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from ldcs_ros.ros.sim.parameters import NodeParameter
+from ldcs_ros.ros.common.parameters import NodeParameter
 
 PACKAGE = "ldcs_ros"
 NAMESPACE = "/ldcs"

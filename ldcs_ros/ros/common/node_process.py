@@ -1,17 +1,72 @@
-"""The process around a node: signals, rclpy, spinning, exit status."""
+"""The process around a node: stop signals, security of its environment, rclpy, spinning, exit status."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import FrameType
 from typing import Any, Protocol
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.ros.common.security import check_security
-from ldcs_ros.ros.common.stop_signals import StopSignals
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopSignals:
+    """Notes that somebody wants the process to end; nothing is interrupted.
+
+    Under make or `ros2 run` a Ctrl-C comes twice: the second one must not cut short what the first one began.
+
+    Attributes:
+        requested: Set by the first signal.
+        loading: While True, a signal ends the process at once: there is nothing to close, and an exception out
+            of the middle of an import would end in a traceback, or be lost.
+    """
+
+    def __init__(self) -> None:
+        self.requested = threading.Event()
+        self.loading = True
+        for number in STOP_SIGNALS:
+            signal.signal(number, self._handle)
+
+    def ignore(self) -> None:
+        """Ignore further signals: the interpreter, while it ends, would let them kill the process."""
+        for number in STOP_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.loading:
+            os._exit(0)
+        self.requested.set()
+
+
+def check_security(environment: Mapping[str, str]) -> str:
+    """Return a warning, or ''.
+
+    With ROS_SECURITY_STRATEGY=Enforce ROS itself refuses to run unprotected; without it, it does so in silence.
+
+    Raises:
+        LdcsError: Security is enforced and cannot be had, for which ROS has no words.
+    """
+    if environment.get("ROS_SECURITY_ENABLE") != "true":
+        return ""
+    enforced = environment.get("ROS_SECURITY_STRATEGY") == "Enforce"
+    if not environment.get("ROS_SECURITY_KEYSTORE"):
+        trouble = "ROS_SECURITY_ENABLE is true, but ROS_SECURITY_KEYSTORE names no keystore"
+        if enforced:
+            raise LdcsError(f"{trouble}; make one, see docs/security.md, or unset ROS_SECURITY_ENABLE")
+        return f"{trouble}: this node runs unprotected; ROS_SECURITY_STRATEGY=Enforce refuses that"
+    if not enforced:
+        return (
+            "ROS_SECURITY_STRATEGY is not Enforce: a node that finds no keys of its enclave runs unprotected; "
+            "set ROS_SECURITY_STRATEGY=Enforce"
+        )
+    return ""
+
 
 # How long a thread may hold the interpreter while another one, with a deadline, waits for it [s].
 _SWITCH_INTERVAL = 5e-4

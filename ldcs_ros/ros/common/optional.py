@@ -24,7 +24,7 @@ _PROBES = {
 
 
 @cache
-def obstacle(package: str) -> str:
+def import_problem(package: str) -> str:
     """Return why a package cannot be used, in words; '' when it can."""
     spec = find_spec(package)
     # A folder that happens to have the name, such as a package's sources, has no origin.
@@ -40,14 +40,14 @@ def obstacle(package: str) -> str:
 
 def installed() -> dict[str, bool]:
     """Return for each optional package whether it can be used."""
-    return {name: not obstacle(name) for name in OPTIONAL}
+    return {name: not import_problem(name) for name in OPTIONAL}
 
 
 def missing_line() -> str:
     """Return the one line that says what is left out; '' when nothing is."""
-    obstacles = {name: obstacle(name) for name in OPTIONAL}
+    import_problems = {name: import_problem(name) for name in OPTIONAL}
     groups: dict[str, list[str]] = {}
-    for name, why in obstacles.items():
+    for name, why in import_problems.items():
         groups.setdefault(why, []).append(f"{name} ({OPTIONAL[name]})")
     return "; ".join(f"{why}, left out: {', '.join(names)}" for why, names in groups.items() if why)
 
@@ -56,7 +56,7 @@ def interface_states(used: set[str]) -> dict[str, str]:
     """Return the state of each optional interface in words, given those that are used."""
     words = {}
     for name, purpose in OPTIONAL.items():
-        state = "in use" if name in used else obstacle(name) or "installed, not used"
+        state = "in use" if name in used else import_problem(name) or "installed, not used"
         words[name] = f"{state} ({purpose})"
     return words
 

@@ -57,11 +57,11 @@ def check_overrides(node: Node, topics: Iterable[Topic]) -> list[str]:
         LdcsError: An override of a topic of the node that cannot be: its policy or value is none.
     """
     entities = {node.resolve_topic_name(topic.name): ENTITIES[topic.direction] for topic in topics}
-    complaints = []
+    validation_errors = []
     for name, value in given_overrides(node).items():
         topic, entity, policy = _parts(name)
         if topic not in entities:
-            complaints.append(f"'{name}' names no topic of this node.{did_you_mean(topic, entities)}")
+            validation_errors.append(f"'{name}' names no topic of this node.{did_you_mean(topic, entities)}")
         elif entity != entities[topic]:
             raise LdcsError(f"'{name}': {topic} has a {entities[topic]} here, no {entity or 'such entity'}")
         elif policy not in POLICIES:
@@ -70,7 +70,7 @@ def check_overrides(node: Node, topics: Iterable[Topic]) -> list[str]:
             raise LdcsError(f"'{name}' is {value!r}, expected one of {', '.join(WORDS[policy])}")
         elif policy == "depth" and not (type(value) is int and 1 <= value <= LONGEST_QUEUE):
             raise LdcsError(f"'{name}' is {value!r}, expected a whole number, 1 ... {LONGEST_QUEUE}")
-    return complaints
+    return validation_errors
 
 
 def given_overrides(node: Node) -> Mapping[str, Any]:

@@ -10,11 +10,18 @@ from typing import Any
 from rclpy.node import Node
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.ros.sim.runner import NotNow
+
+
+class InvalidStateError(Exception):
+    """A request that does not fit the present mode; the text says what to do."""
+
+
+class InactiveNodeError(InvalidStateError):
+    """A request to a node that is not in the state of its lifecycle in which it can be granted."""
 
 
 @contextmanager
-def told(node: Node, response: Any) -> Iterator[None]:
+def report_errors(node: Node, response: Any) -> Iterator[None]:
     """Turn what a handler raises into its answer.
 
     Args:
@@ -23,7 +30,7 @@ def told(node: Node, response: Any) -> Iterator[None]:
     """
     try:
         yield
-    except (NotNow, LdcsError) as error:
+    except (InvalidStateError, LdcsError) as error:
         response.success, response.message = False, str(error)
     except Exception as error:
         # It would end the process; a mistake of ours must be seen, and the run goes on.

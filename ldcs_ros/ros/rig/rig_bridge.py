@@ -26,12 +26,11 @@ from ldcs_ros.rig.rig_bag import RigBag
 from ldcs_ros.rig.rig_file import load_rig
 from ldcs_ros.rig.topic_link import TopicLink
 from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.common.parameters import WholeParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
-from ldcs_ros.ros.common.transport import Transport
+from ldcs_ros.ros.common.transport import TopicTransport
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
-from ldcs_ros.ros.sim.parameters import declare
-from ldcs_ros.ros.sim.runner import Periodic
+from ldcs_ros.ros.sim.runner import PeriodicTask
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
 
@@ -55,8 +54,8 @@ class RigBridge(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
-        for complaint in declare(self, BRIDGE_PARAMETERS):
-            self.get_logger().warning(complaint)
+        for validation_error in declare(self, BRIDGE_PARAMETERS):
+            self.get_logger().warning(validation_error)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
         self.failure = ""
@@ -72,9 +71,9 @@ class RigBridge(Node):
             settings=RunSettings(publish_rate=self._value("publish_rate"), accuracy=self._value("accuracy")),
         )
         self._health = Health(self._bridge)
-        self._transport = Transport(self)  # type: ignore[arg-type]
-        for complaint in check_overrides(self, self._published()):
-            self.get_logger().warning(complaint)
+        self._transport = TopicTransport(self)  # type: ignore[arg-type]
+        for validation_error in check_overrides(self, self._published()):
+            self.get_logger().warning(validation_error)
         self._recorder: Recorder | None = None
         self._record()
         self._join_graph()
@@ -168,17 +167,17 @@ class RigBridge(Node):
 
     def _repeat(self) -> None:
         duration = self._value("duration")
-        chores = [Periodic(DIAGNOSTICS_PERIOD, self._diagnose)]
-        chores.append(
-            Periodic(STATUS_PERIOD, lambda: print(headline(self._bridge), file=sys.stderr, flush=True))
+        periodic_tasks = [PeriodicTask(DIAGNOSTICS_PERIOD, self._diagnose)]
+        periodic_tasks.append(
+            PeriodicTask(STATUS_PERIOD, lambda: print(headline(self._bridge), file=sys.stderr, flush=True))
         )
         deadline = time.monotonic()
         while not self._stopping.is_set():
             with self._lock:
                 self._forward()
                 self._bridge.step()
-                for chore in chores:
-                    chore.run_if_due()
+                for task in periodic_tasks:
+                    task.run_if_due()
             if 0.0 < duration <= self._bridge.twin.time:
                 self.finished.set()
                 return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ldcs_ros.mock_rig.faults import Faults
 from ldcs_ros.mock_rig.rig import CONTROLLERS, Hidden
-from ldcs_ros.ros.sim.parameters import NodeParameter
+from ldcs_ros.ros.common.parameters import NodeParameter
 
 TRANSPORTS = ("topics", "modbus", "serial")
 

@@ -24,9 +24,8 @@ from ldcs_ros.mock_rig.serial_port import SerialPort
 from ldcs_ros.mock_rig.stand import Speaker, Stand
 from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.common.parameters import WholeParameterService, declare
 from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
-from ldcs_ros.ros.sim.parameters import declare
 
 NODE_NAME = "mock_rig"
 FAULT = "fault_"
@@ -51,8 +50,8 @@ class StandInRig(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, start_parameter_services=False)
-        for complaint in declare(self, MOCK_RIG_PARAMETERS):
-            self.get_logger().warning(complaint)
+        for validation_error in declare(self, MOCK_RIG_PARAMETERS):
+            self.get_logger().warning(validation_error)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
         self.failure = ""

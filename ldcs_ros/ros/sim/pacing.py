@@ -44,11 +44,11 @@ class Pacer:
         self.overruns = 0
         self.worst_lateness = 0.0
         self._clock = clock
-        self._anchor: tuple[float, float] | None = None
+        self._reference_time: tuple[float, float] | None = None
 
-    def lift(self) -> None:
+    def reset(self) -> None:
         """Forget the anchor: the next event is due at once, and time counts from there."""
-        self._anchor = None
+        self._reference_time = None
 
     def wait(self, simulation_time: float, wake: threading.Event) -> bool:
         """Wait for the deadline of a simulation time [s], or a part of that time, or until `wake` is set.
@@ -59,10 +59,10 @@ class Pacer:
         if self.real_time_factor <= 0.0:
             return True
         now = self._clock()
-        if self._anchor is None:
-            self._anchor = (now, simulation_time)
+        if self._reference_time is None:
+            self._reference_time = (now, simulation_time)
             return True
-        wall, simulated = self._anchor
+        wall, simulated = self._reference_time
         lateness = now - wall - (simulation_time - simulated) / self.real_time_factor
         if lateness < 0.0:
             wake.wait(min(-lateness, _LONGEST_SLEEP))
@@ -70,7 +70,7 @@ class Pacer:
         self.worst_lateness = max(self.worst_lateness, lateness)
         if lateness > self.tolerance:
             self.overruns += 1
-            self._anchor = (now, simulation_time)
+            self._reference_time = (now, simulation_time)
         return True
 
     def take_worst_lateness(self) -> float:

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import DivergenceError
+from ldcs_ros.ros.common.refusals import InvalidStateError
 from ldcs_ros.ros.sim.pacing import PaceMeter, Pacer
 from ldcs_ros.twin.commands import Refusal
 from ldcs_ros.twin.twin import Twin
@@ -22,7 +23,7 @@ _IDLE_SLEEP = 0.05
 _REQUEST_TIMEOUT = 10.0
 
 
-class Mode(enum.Enum):
+class RunMode(enum.Enum):
     """What the runner does. STOPPED is the scene's start, before anybody let time run, stepped or paused."""
 
     STOPPED = "stopped"
@@ -32,26 +33,18 @@ class Mode(enum.Enum):
     FINISHED = "finished"
 
 
-class NotNow(Exception):
-    """A request that does not fit the present mode; the text says what to do."""
-
-
-class NotActive(NotNow):
-    """A request to a node that is not in the state of its lifecycle in which it can be granted."""
-
-
-class Periodic:
+class PeriodicTask:
     """A chore of the runner's thread.
 
     Args:
         period: Wall time between two calls [s].
-        chore: What is called.
+        task: What is called.
         delay: Wall time before the first call [s].
     """
 
-    def __init__(self, period: float, chore: Callable[[], None], *, delay: float = 0.0) -> None:
+    def __init__(self, period: float, task: Callable[[], None], *, delay: float = 0.0) -> None:
         self._period = period
-        self._chore = chore
+        self._chore = task
         self._next = time.monotonic() + delay
 
     def run_if_due(self) -> None:
@@ -78,8 +71,8 @@ class Runner:
     Attributes:
         mode: What it does at present.
         failure: Why the simulation cannot go on; '' while it can.
-        deaf: Why commands are refused at present; '' while they are taken.
-        chores: Called on the runner's thread from time to time; filled before `start`.
+        refusal_reason: Why commands are refused at present; '' while they are taken.
+        periodic_tasks: Called on the runner's thread from time to time; filled before `start`.
         meter: Real-time factor and step times.
     """
 
@@ -96,10 +89,10 @@ class Runner:
         self.twin = twin
         self.pacer = pacer
         self.duration = duration
-        self.mode = Mode.STOPPED
+        self.mode = RunMode.STOPPED
         self.failure = ""
-        self.deaf = ""
-        self.chores: list[Periodic] = []
+        self.refusal_reason = ""
+        self.periodic_tasks: list[PeriodicTask] = []
         self.meter = PaceMeter()
         self._on_failure = on_failure
         self._on_finish = on_finish
@@ -126,7 +119,7 @@ class Runner:
         """Hand in a command; it is applied, or refused and counted, behind the next event."""
         self._commands.append((topic, cdr))
 
-    def hand_in(self, function: Callable[[], Result]) -> Future[Result]:
+    def submit(self, function: Callable[[], Result]) -> Future[Result]:
         """Let a function run on the runner's thread when it comes round to it, behind what was handed in before."""
         future: Future[Result] = Future()
         self._requests.append((future, function))
@@ -139,51 +132,51 @@ class Runner:
         Raises:
             NotNow: The thread did not come round to it in time; whatever else the function raises.
         """
-        future = self.hand_in(function)
+        future = self.submit(function)
         try:
             return future.result(timeout)
         except FutureTimeoutError as error:
             future.cancel()
-            raise NotNow(f"the simulation has been busy for {timeout:g} s; try again") from error
+            raise InvalidStateError(f"the simulation has been busy for {timeout:g} s; try again") from error
 
     def pause(self) -> None:
         """Stop time; on the runner's thread."""
-        if self.mode in (Mode.RUNNING, Mode.STOPPED):
-            self.mode = Mode.PAUSED
+        if self.mode in (RunMode.RUNNING, RunMode.STOPPED):
+            self.mode = RunMode.PAUSED
             self.twin.watchdog.suspend()
 
     def resume(self) -> None:
         """Let time go on from where it stopped, without making up for the pause; on the runner's thread."""
-        if self.mode is Mode.FAILED:
-            raise NotNow(f"{self.failure}; call reset")
-        if self.mode in (Mode.PAUSED, Mode.STOPPED):
-            self.mode = Mode.RUNNING
-            self.pacer.lift()
+        if self.mode is RunMode.FAILED:
+            raise InvalidStateError(f"{self.failure}; call reset")
+        if self.mode in (RunMode.PAUSED, RunMode.STOPPED):
+            self.mode = RunMode.RUNNING
+            self.pacer.reset()
             self.meter.restart(self.twin.time)
             self.twin.solver_report.restart()
             self.twin.watchdog.resume()
 
     def step(self) -> float:
         """Advance by one publish period while paused and return the new time [s]; on the runner's thread."""
-        if self.mode is not Mode.PAUSED:
-            raise NotNow(
+        if self.mode is not RunMode.PAUSED:
+            raise InvalidStateError(
                 f"the simulation is {self.mode.value}; step works while it is paused, call pause first"
             )
         self._attempt(self.twin.advance_to_report)
         if self.failure:
-            raise NotNow(f"{self.failure}; call reset")
+            raise InvalidStateError(f"{self.failure}; call reset")
         return self.twin.time
 
     def reset(self) -> None:
         """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""
-        running = self.mode in (Mode.RUNNING, Mode.FAILED)
-        self._go_to_start(self.mode if self.mode is Mode.STOPPED else Mode.PAUSED)
+        running = self.mode in (RunMode.RUNNING, RunMode.FAILED)
+        self._go_to_start(self.mode if self.mode is RunMode.STOPPED else RunMode.PAUSED)
         if running:
             self.resume()
         else:
             self._show_start()
 
-    def exchange(self, twin: Twin, between: Callable[[], None], *, stop: bool = False) -> None:
+    def swap_scene(self, twin: Twin, between: Callable[[], None], *, stop: bool = False) -> None:
         """Go on with another twin from its start, running unless the old one was stopped; on the runner's thread.
 
         Args:
@@ -192,12 +185,15 @@ class Runner:
             stop: Stop, also if the old one ran.
         """
         self._apply_commands()
-        running = self.mode in (Mode.RUNNING, Mode.FAILED) and not stop
+        running = self.mode in (RunMode.RUNNING, RunMode.FAILED) and not stop
         between()
         twin.commands.count_on(self.twin.commands)
         self.twin = twin
         twin.watchdog.suspend()
-        self.mode, self.failure = Mode.STOPPED if stop or self.mode is Mode.STOPPED else Mode.PAUSED, ""
+        self.mode, self.failure = (
+            RunMode.STOPPED if stop or self.mode is RunMode.STOPPED else RunMode.PAUSED,
+            "",
+        )
         if running:
             self.resume()
         else:
@@ -205,10 +201,10 @@ class Runner:
 
     def halt(self) -> None:
         """Stop time at the scene's start; on the runner's thread."""
-        self._go_to_start(Mode.STOPPED)
+        self._go_to_start(RunMode.STOPPED)
         self._show_start()
 
-    def _go_to_start(self, mode: Mode) -> None:
+    def _go_to_start(self, mode: RunMode) -> None:
         self._on_reset()
         self.twin.reset()
         self.twin.watchdog.suspend()
@@ -221,9 +217,9 @@ class Runner:
         while not self._stopping:
             self._wake.clear()
             self._serve_requests()
-            for chore in self.chores:
-                chore.run_if_due()
-            if self.mode is Mode.RUNNING:
+            for task in self.periodic_tasks:
+                task.run_if_due()
+            if self.mode is RunMode.RUNNING:
                 self._go_on()
             else:
                 self._apply_commands()
@@ -236,7 +232,7 @@ class Runner:
         due = self.twin.next_time
         if 0.0 < self.duration < due:
             self._attempt(lambda: self.twin.advance_to(self.duration))
-            self.mode = Mode.FINISHED if not self.failure else self.mode
+            self.mode = RunMode.FINISHED if not self.failure else self.mode
             self._on_finish()
             return
         if self.pacer.wait(due, self._wake):
@@ -259,7 +255,7 @@ class Runner:
             self._fail(f"the simulation stopped at t = {self.twin.time:g} s: {error!r}")
 
     def _fail(self, reason: str) -> None:
-        self.mode = Mode.FAILED
+        self.mode = RunMode.FAILED
         self.failure = reason
         self.twin.watchdog.suspend()
         self._on_failure(reason)
@@ -277,7 +273,7 @@ class Runner:
     def _apply_commands(self) -> None:
         while self._commands:
             topic, cdr = self._commands.popleft()
-            if self.deaf:
-                self.twin.commands.refuse(Refusal("inactive", self.deaf), topic)
+            if self.refusal_reason:
+                self.twin.commands.refuse(Refusal("inactive", self.refusal_reason), topic)
             else:
                 self._guard(partial(self.twin.receive, topic, cdr))

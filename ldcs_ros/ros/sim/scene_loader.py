@@ -9,12 +9,13 @@ from typing import Protocol
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
-from ldcs_ros.ros.sim.runner import NotNow, Runner
+from ldcs_ros.ros.common.refusals import InvalidStateError
+from ldcs_ros.ros.sim.runner import Runner
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.twin import Twin
 
 
-class Exchange(Protocol):
+class SwapScene(Protocol):
     """Lets a twin take the place of the present one."""
 
     def __call__(self, twin: Twin, *, stop: bool) -> str:
@@ -31,7 +32,7 @@ class SceneLoader:
         node: The node whose executor others wait with.
         runner: Returns the runner, or raises NotActive while the node is not active.
         build: Returns the twin of a scene; may be called on any thread.
-        exchange: Lets a twin take the place of the present one.
+        swap_scene: Lets a twin take the place of the present one.
     """
 
     def __init__(
@@ -40,12 +41,12 @@ class SceneLoader:
         runner: Callable[[], Runner],
         *,
         build: Callable[[Scene], Twin],
-        exchange: Exchange,
+        swap_scene: SwapScene,
     ) -> None:
         self._node = node
         self._runner = runner
         self._build = build
-        self._exchange = exchange
+        self._swap_scene = swap_scene
         self._busy = False
 
     async def load(self, scene: Callable[[], Scene], *, stop: bool = False) -> tuple[Twin, str]:
@@ -60,14 +61,14 @@ class SceneLoader:
             LdcsError: The scene cannot be built; the old one goes on.
         """
         if self._busy:
-            raise NotNow("another scene is being loaded; try again")
+            raise InvalidStateError("another scene is being loaded; try again")
         runner = self._runner()
         self._busy = True
         try:
             twin = await self._built(scene)
             if twin is None or self._runner() is not runner:
-                raise NotNow("the node was configured anew meanwhile; the scene was not loaded")
-            return twin, self._exchange(twin, stop=stop)
+                raise InvalidStateError("the node was configured anew meanwhile; the scene was not loaded")
+            return twin, self._swap_scene(twin, stop=stop)
         finally:
             self._busy = False
 

@@ -16,21 +16,18 @@ from rclpy.parameter import Parameter
 from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
-from ldcs_ros.ros.common.parameter_service import WholeParameterService
+from ldcs_ros.ros.common.parameters import WholeParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
-from ldcs_ros.ros.common.transport import Transport
+from ldcs_ros.ros.common.refusals import InactiveNodeError, InvalidStateError
+from ldcs_ros.ros.common.transport import TopicTransport
 from ldcs_ros.ros.sim import parameters
-from ldcs_ros.ros.sim.bag_keeper import BagKeeper
-from ldcs_ros.ros.sim.clock_watch import ClockWatch, sim_time_complaint
-from ldcs_ros.ros.sim.health import health
-from ldcs_ros.ros.sim.namesakes import Namesakes
+from ldcs_ros.ros.sim.graph_checks import ClockMonitor, DuplicateNodeCheck, sim_time_error
 from ldcs_ros.ros.sim.pacing import Pacer, tolerance
-from ldcs_ros.ros.sim.runner import NotActive, NotNow, Periodic, Runner
+from ldcs_ros.ros.sim.recording_session import RecordingSession
+from ldcs_ros.ros.sim.runner import PeriodicTask, Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.ros.sim.scene_service import SceneService
-from ldcs_ros.ros.sim.services import Services
-from ldcs_ros.ros.sim.status_line import StatusLine
-from ldcs_ros.ros.sim.wrench_service import WrenchService
+from ldcs_ros.ros.sim.services import SceneService, Services, WrenchService
+from ldcs_ros.ros.sim.status import StatusLine, health
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
@@ -59,23 +56,23 @@ class SimulationNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
-        for complaint in parameters.declare(self):
-            self.get_logger().warning(complaint)
+        for validation_error in declare(self, parameters.PARAMETERS):
+            self.get_logger().warning(validation_error)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._parameters_changed)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
         self._problem: LdcsError | None = None
-        self._transport = Transport(self)
-        self._clock_watch = ClockWatch(self)
-        self._namesakes = Namesakes(self)
+        self._transport = TopicTransport(self)
+        self._clock_monitor = ClockMonitor(self)
+        self._duplicate_nodes = DuplicateNodeCheck(self)
         self._runner: Runner | None = None
-        self._bag = BagKeeper(self.get_logger())
+        self._bag = RecordingSession(self.get_logger())
         self._status: StatusLine | None = None
         self._interfaces: dict[str, str] = {}
         self._is_active = False
         self._triggers = Services(self, self.active_runner)
-        self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, exchange=self._exchange)
+        self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, swap_scene=self._swap_scene)
         self._offer_own_services()
         self._simulator = self._offer_simulator_services()
 
@@ -117,12 +114,12 @@ class SimulationNode(LifecycleNode):
         assert runner is not None
         try:
             runner.call(runner.resume)
-        except NotNow as error:
+        except InvalidStateError as error:
             # One that has failed is active all the same: reset, a service of the active node, brings it back.
             self.get_logger().warning(str(error))
             if not runner.failure:
                 return TransitionCallbackReturn.FAILURE
-        runner.deaf, self._is_active = "", True
+        runner.refusal_reason, self._is_active = "", True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -131,10 +128,10 @@ class SimulationNode(LifecycleNode):
         assert runner is not None
         try:
             runner.call(runner.pause)
-        except NotNow as error:
+        except InvalidStateError as error:
             self.get_logger().warning(str(error))
             return TransitionCallbackReturn.FAILURE
-        runner.deaf, self._is_active = INACTIVE, False
+        runner.refusal_reason, self._is_active = INACTIVE, False
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -177,9 +174,9 @@ class SimulationNode(LifecycleNode):
             NotActive: The node is not active.
         """
         if self._runner is None:
-            raise NotActive("the node is unconfigured; configure and activate it first")
+            raise InactiveNodeError("the node is unconfigured; configure and activate it first")
         if not self._is_active:
-            raise NotActive(INACTIVE)
+            raise InactiveNodeError(INACTIVE)
         return self._runner
 
     def destroy_node(self) -> None:
@@ -221,11 +218,11 @@ class SimulationNode(LifecycleNode):
         missing = missing_line()
         if missing:
             self.get_logger().info(missing)
-        complaint = sim_time_complaint(
+        validation_error = sim_time_error(
             use_sim_time=self._value("use_sim_time"), publish_clock=self._value("publish_clock")
         )
-        if complaint:
-            raise LdcsError(complaint)
+        if validation_error:
+            raise LdcsError(validation_error)
 
     def _twin_of(self, scene: Scene) -> Twin:
         timeouts = {
@@ -263,18 +260,18 @@ class SimulationNode(LifecycleNode):
             on_finish=self.finished.set,
             on_reset=self._start_bag_over,
         )
-        runner.deaf = INACTIVE
-        for complaint in check_overrides(self, twin.topics.values()):
-            self.get_logger().warning(complaint)
+        runner.refusal_reason = INACTIVE
+        for validation_error in check_overrides(self, twin.topics.values()):
+            self.get_logger().warning(validation_error)
         if twin.settings.publish_clock:
-            self._clock_watch.refuse_second()
+            self._clock_monitor.refuse_second()
         self._join_graph(twin, runner)
         self._bag.start(self._value("record"), twin, self.get_namespace())
         self._runner, self._status = runner, StatusLine(sys.stderr, runner)
         period = self._status.period
-        runner.chores += [
-            Periodic(DIAGNOSTICS_PERIOD, self._report_health),
-            Periodic(period, self._status.show, delay=period),
+        runner.periodic_tasks += [
+            PeriodicTask(DIAGNOSTICS_PERIOD, self._report_health),
+            PeriodicTask(period, self._status.show, delay=period),
         ]
         runner.start()
 
@@ -283,11 +280,11 @@ class SimulationNode(LifecycleNode):
         twin.topics |= self._transport.open(twin.topics.values(), runner.post)
         twin.sinks.append(self._transport)
 
-    def _exchange(self, twin: Twin, *, stop: bool) -> str:
+    def _swap_scene(self, twin: Twin, *, stop: bool) -> str:
         runner = self.active_runner()
         self._join_graph(twin, runner)
         change_bag = partial(self._bag.change_twin, runner.twin, twin)
-        runner.call(partial(runner.exchange, twin, change_bag, stop=stop))
+        runner.call(partial(runner.swap_scene, twin, change_bag, stop=stop))
         self._transport.keep(twin.topics)
         return self._bag.error
 
@@ -300,9 +297,9 @@ class SimulationNode(LifecycleNode):
             self._bag.watch()
             missed = self._transport.missed
             statuses = health(runner, self._bag.recorder, self._bag.error, self._interfaces, missed)
-            statuses.append(self._namesakes.look())
+            statuses.append(self._duplicate_nodes.status())
             if runner.twin.settings.publish_clock:
-                statuses.append(self._clock_watch.look())
+                statuses.append(self._clock_monitor.status())
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
 
     def _start_bag_over(self) -> None:
@@ -312,9 +309,9 @@ class SimulationNode(LifecycleNode):
     def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         given = {name: self._value(name) for name in ("use_sim_time", "publish_clock")}
         given |= {change.name: change.value for change in changes if change.name in given}
-        complaint = sim_time_complaint(**given)
-        if complaint:
-            return SetParametersResult(successful=False, reason=complaint)
+        validation_error = sim_time_error(**given)
+        if validation_error:
+            return SetParametersResult(successful=False, reason=validation_error)
         return parameters.check(changes, configured=self._runner is not None)
 
     def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
@@ -331,9 +328,9 @@ class SimulationNode(LifecycleNode):
             if "real_time_factor" in changed:
                 pacer.real_time_factor = changed["real_time_factor"]
                 pacer.tolerance = tolerance(runner.twin.settings.publish_rate, pacer.real_time_factor)
-                pacer.lift()
+                pacer.reset()
 
-        runner.hand_in(apply)
+        runner.submit(apply)
 
 
 def _warm_up(twin: Twin) -> None:

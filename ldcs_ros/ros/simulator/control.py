@@ -1,23 +1,46 @@
-"""Standard simulator services that tell and change what the simulation does: state and reset."""
+"""State, reset and stepping of the simulation by the standard simulator services."""
 
 from __future__ import annotations
 
-from typing import Any
+import threading
+from collections.abc import Callable, Generator
+from concurrent import futures
+from typing import Any, Protocol
 
+from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
+from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result, SimulationState
 from simulation_interfaces.srv import ResetSimulation, SetSimulationState
 
-from ldcs_ros.ros.sim.runner import Mode, NotNow
-from ldcs_ros.ros.simulator.answers import Refused
-from ldcs_ros.ros.simulator.host import Host
+from ldcs_ros.ros.common.refusals import InvalidStateError
+from ldcs_ros.ros.sim.runner import RunMode, Runner
+from ldcs_ros.ros.simulator.answers import Refused, offer, result_of
+
+
+class Host(Protocol):
+    """The node, without what ROS makes of it."""
+
+    finished: threading.Event
+    """Set when the node is to end."""
+
+    @property
+    def runner(self) -> Runner | None:
+        """The runner; None while the node is unconfigured."""
+
+    def active_runner(self) -> Runner:
+        """Return the runner, or raise NotActive."""
+
 
 # A simulation that cannot go on stands still, and there is no state of its own for that; the message says so.
 _STATES = {
-    Mode.STOPPED: SimulationState.STATE_STOPPED,
-    Mode.RUNNING: SimulationState.STATE_PLAYING,
-    Mode.PAUSED: SimulationState.STATE_PAUSED,
-    Mode.FAILED: SimulationState.STATE_PAUSED,
-    Mode.FINISHED: SimulationState.STATE_QUITTING,
+    RunMode.STOPPED: SimulationState.STATE_STOPPED,
+    RunMode.RUNNING: SimulationState.STATE_PLAYING,
+    RunMode.PAUSED: SimulationState.STATE_PAUSED,
+    RunMode.FAILED: SimulationState.STATE_PAUSED,
+    RunMode.FINISHED: SimulationState.STATE_QUITTING,
 }
 _WORDS = {
     SimulationState.STATE_STOPPED: "stopped",
@@ -67,7 +90,7 @@ class Control:
         }[target]
         try:
             runner.call(change)
-        except NotNow as error:
+        except InvalidStateError as error:
             raise Refused(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from error
 
     def reset(self, request: Any, response: Any) -> None:
@@ -84,7 +107,7 @@ class Control:
     def _quit(self) -> None:
         runner = self._host.runner
         if runner is not None:
-            runner.hand_in(runner.pause)
+            runner.submit(runner.pause)
         self._host.finished.set()
 
     def _state(self) -> int:
@@ -95,3 +118,116 @@ class Control:
             # The first version of the interfaces had no such state.
             return int(getattr(SimulationState, "STATE_NO_WORLD", SimulationState.STATE_STOPPED))
         return int(_STATES[host.runner.mode])
+
+
+# Steps follow each other in a millisecond or two: who looks every tenth of a second still hears of each.
+_FEEDBACK_DEPTH = 100
+_TURN = 0.02  # s, after which others have their turn while a step takes long
+
+
+class Stepping:
+    """Takes steps on the runner's thread, one request a step: whatever else is asked meanwhile is served in between.
+
+    Args:
+        node: The node that offers the service and the action.
+        host: The same, as what has the runner.
+
+    Attributes:
+        offered: Names of the types that are offered.
+    """
+
+    def __init__(self, node: LifecycleNode, host: Host) -> None:
+        self._node = node
+        self._host = host
+        self._busy = False
+        group = ReentrantCallbackGroup()
+        self.offered = ["StepSimulation"] if offer(node, "StepSimulation", self._serve, group=group) else []
+        self.offered.append("SimulateSteps")
+        self._server: ActionServer[Any, Any, Any] = ActionServer(
+            node,
+            SimulateSteps,
+            "~/simulate_steps",
+            self._execute,
+            callback_group=group,
+            feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK_DEPTH),
+            cancel_callback=lambda request: CancelResponse.ACCEPT,
+        )
+
+    def close(self) -> None:
+        """Withdraw the action."""
+        self._server.destroy()
+
+    async def _serve(self, request: Any, response: Any) -> None:
+        await self._take(request.steps, lambda done: True)
+
+    async def _execute(self, goal: ServerGoalHandle[Any, Any, Any]) -> Any:
+        result, steps = SimulateSteps.Result(), goal.request.steps
+
+        def tell(done: int) -> bool:
+            feedback = SimulateSteps.Feedback(completed_steps=done, remaining_steps=steps - done)
+            goal.publish_feedback(feedback)
+            return not goal.is_cancel_requested
+
+        try:
+            taken = await self._take(steps, tell)
+        except Exception as error:
+            result.result = result_of(self._node, error)
+            goal.abort()
+            return result
+        if taken < steps:
+            reason = f"cancelled after {taken} of {steps} steps"
+            result.result = Result(result=Result.RESULT_OPERATION_FAILED, error_message=reason)
+            goal.canceled()
+        else:
+            result.result.result = Result.RESULT_OK
+            goal.succeed()
+        return result
+
+    async def _take(self, steps: int, tell: Callable[[int], bool]) -> int:
+        # Returns how many were taken: `tell`, which hears of each, may say that it is enough.
+        if self._busy:
+            raise InvalidStateError("steps are being taken already; wait for their end, or cancel them")
+        if (mode := self._host.active_runner().mode) is not RunMode.PAUSED:
+            raise InvalidStateError(f"the simulation is {mode.value}; steps are taken while it is paused")
+        self._busy, time = True, 0.0
+        try:
+            for taken in range(steps):
+                try:
+                    time = await self._step(time)
+                except InvalidStateError as error:
+                    kind = type(error)
+                    raise kind(f"{error}; {taken} of {steps} steps were taken") from error
+                if not tell(taken + 1):
+                    return taken + 1
+            return steps
+        finally:
+            self._busy = False
+
+    async def _step(self, earliest: float) -> float:
+        # Takes a step from a time on and returns the time behind it.
+        runner = self._host.active_runner()
+        if runner.twin.time < earliest:
+            raise InvalidStateError("the simulation went back to a start")
+        future = runner.submit(runner.step)
+        waiting = True
+        while waiting:
+            waiting = bool(futures.wait([future], _TURN).not_done)
+            await _Turn(self._node)
+        if future.cancelled():
+            raise Refused(
+                Result.RESULT_INCORRECT_STATE, "the node was cleaned up before all steps were taken"
+            )
+        return future.result()
+
+
+class _Turn:
+    """Awaited, it lets the executor look at everything else once."""
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node = node
+
+    def __await__(self) -> Generator[None, None, None]:
+        # An executor that is not woken would wait for other work before it comes back.
+        if self._node.executor is not None:
+            self._node.executor.wake()
+        yield

@@ -9,14 +9,12 @@ from geometry_msgs.msg import Vector3
 from simulation_interfaces.msg import EntityCategory, EntityState, Result
 
 from ldcs_ros.messages.cdr import nanoseconds
-from ldcs_ros.ros.sim.runner import NotActive, Runner
-from ldcs_ros.ros.simulator.answers import Refused
-from ldcs_ros.ros.simulator.entities import Entities, Entity, Instant, Kind
-from ldcs_ros.ros.simulator.entity_motion import Motions
-from ldcs_ros.ros.simulator.host import Host
-from ldcs_ros.ros.simulator.name_filter import NameFilter
-from ldcs_ros.ros.simulator.region import Box, Region, Sphere
-from ldcs_ros.ros.simulator.tags import TagChoice
+from ldcs_ros.ros.common.refusals import InactiveNodeError
+from ldcs_ros.ros.sim.runner import Runner
+from ldcs_ros.ros.simulator.answers import Refused, TagChoice
+from ldcs_ros.ros.simulator.control import Host
+from ldcs_ros.ros.simulator.entities import Entities, Entity, Instant, Kind, Kinematics
+from ldcs_ros.ros.simulator.filters import Box, NameFilter, Region, Sphere
 
 
 class EntityServices:
@@ -36,10 +34,10 @@ class EntityServices:
 
     def states(self, request: Any, response: Any) -> None:
         """List the entities that pass the filters, and their states at one instant."""
-        time, motions = self._look()
-        chosen = self._chosen(request.filters, motions)
+        time, kinematics = self._look()
+        chosen = self._chosen(request.filters, kinematics)
         response.entities = [entity.name for entity in chosen]
-        response.states = [self._state(entity, time, motions) for entity in chosen]
+        response.states = [self._state(entity, time, kinematics) for entity in chosen]
 
     def state(self, request: Any, response: Any) -> None:
         """Tell the state of one entity."""
@@ -69,14 +67,14 @@ class EntityServices:
 
     def _runner(self) -> Runner:
         if self._host.runner is None:
-            raise NotActive("no scene is loaded; configure the node first")
+            raise InactiveNodeError("no scene is loaded; configure the node first")
         return self._host.runner
 
-    def _look(self) -> tuple[int, Motions]:
+    def _look(self) -> tuple[int, Kinematics]:
         # Only the copy is made on the runner's thread, which has deadlines.
         entities = self._entities()
         instant: Instant = self._runner().call(entities.instant)
-        return nanoseconds(instant.time), entities.motions(instant)
+        return nanoseconds(instant.time), entities.kinematics(instant)
 
     def _named(self, name: str) -> Entity:
         entity = self._entities().all.get(name)
@@ -87,7 +85,7 @@ class EntityServices:
             raise Refused(Result.RESULT_NOT_FOUND, reason)
         return entity
 
-    def _chosen(self, filters: Any, motions: Motions | None) -> list[Entity]:
+    def _chosen(self, filters: Any, kinematics: Kinematics | None) -> list[Entity]:
         tags = TagChoice(filters.tags)
         try:
             names = NameFilter(filters.filter)
@@ -96,8 +94,8 @@ class EntityServices:
             raise Refused(Result.RESULT_OPERATION_FAILED, str(error)) from error
         everywhere = None
         if region is not None:
-            ends = (motions or self._look()[1]).ends
-            everywhere = region.meets(ends[:, 0], ends[:, 1])
+            ends = (kinematics or self._look()[1]).ends
+            everywhere = region.intersects(ends[:, 0], ends[:, 1])
         categories = {one.category for one in filters.categories}
         return [
             entity
@@ -108,15 +106,17 @@ class EntityServices:
             and (everywhere is None or everywhere[entity.row])
         ]
 
-    def _state(self, entity: Entity, time: int, motions: Motions) -> EntityState:
+    def _state(self, entity: Entity, time: int, kinematics: Kinematics) -> EntityState:
         state, row = EntityState(), entity.row
         state.header.frame_id = self._runner().twin.frames.base
         state.header.stamp.sec, state.header.stamp.nanosec = divmod(time, 10**9)
         position, orientation = state.pose.position, state.pose.orientation
-        position.x, position.y, position.z = motions.position[row].tolist()
-        orientation.x, orientation.y, orientation.z, orientation.w = motions.orientation(row)
-        state.twist.linear, state.twist.angular = _vectors(motions.velocity[row], motions.turning[row])
-        accelerations = _vectors(motions.acceleration[row], motions.turning_rate[row])
+        position.x, position.y, position.z = kinematics.position[row].tolist()
+        orientation.x, orientation.y, orientation.z, orientation.w = kinematics.orientation(row)
+        state.twist.linear, state.twist.angular = _vectors(
+            kinematics.velocity[row], kinematics.angular_velocity[row]
+        )
+        accelerations = _vectors(kinematics.acceleration[row], kinematics.angular_acceleration[row])
         state.acceleration.linear, state.acceleration.angular = accelerations
         return state
 

@@ -1,4 +1,4 @@
-"""One clock in a graph: the twin is it, or keeps its own time to itself."""
+"""Checks of the ROS graph: one clock, and one node of a name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.messages.diagnostics import ERROR, OK, Status
+from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.messages.topics import TOPICS
 
 CLOCK = TOPICS["/clock"].name
@@ -20,7 +20,7 @@ _MOST_OVERLOAD = 5.0
 NAMELESS = "somebody without a name"
 
 
-def sim_time_complaint(*, use_sim_time: bool, publish_clock: bool) -> str:
+def sim_time_error(*, use_sim_time: bool, publish_clock: bool) -> str:
     """Return why these two parameters do not go together; '' when they do.
 
     A twin that followed another clock would have to wait for it, and its stamps would not be its simulation time.
@@ -34,7 +34,7 @@ def sim_time_complaint(*, use_sim_time: bool, publish_clock: bool) -> str:
     return ""
 
 
-class ClockWatch:
+class ClockMonitor:
     """Looks for other publishers of /clock: two clocks make time jump to and fro for every node that follows them.
 
     Args:
@@ -68,7 +68,7 @@ class ClockWatch:
                 "set publish_clock to false, or end the other"
             )
 
-    def look(self) -> Status:
+    def status(self) -> Status:
         """Return the state of the own clock as an entry of the diagnostics; a second clock is also logged, once."""
         others = self._publishers()
         own = self._node.get_fully_qualified_name()
@@ -92,3 +92,36 @@ def _name(info: TopicEndpointInfo) -> str:
     if "_UNKNOWN_" in info.node_name:
         return NAMELESS
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+class DuplicateNodeCheck:
+    """Looks for other nodes of the same full name.
+
+    They are told, not refused: a node that was killed stays in the graph for twenty seconds more, and the one that is
+    started in its place has to run.
+
+    Args:
+        node: The node whose name is watched.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._told = False
+
+    def status(self) -> Status:
+        """Return the state as an entry of the diagnostics; a namesake is also logged, once."""
+        own = self._node.get_fully_qualified_name()
+        names = self._node.get_node_names_and_namespaces()
+        count = sum(f"{namespace.rstrip('/')}/{name}" == own for name, namespace in names)
+        trouble = ""
+        if count > 1:
+            trouble = (
+                f"{count} nodes are named {own}: commands reach all of them, services any; end the others, or start "
+                "them in namespaces of their own (--ros-args -r __ns:=/second); one that was killed fades in 20 s"
+            )
+        if trouble and not self._told:
+            self._node.get_logger().warning(trouble)
+        self._told = bool(trouble)
+        return Status(
+            "name", WARN if trouble else OK, trouble or "the only one", {"nodes of this name": count}
+        )

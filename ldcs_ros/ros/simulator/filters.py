@@ -1,14 +1,19 @@
-"""Names chosen by a POSIX extended regular expression, in time that grows with the expression, not with its traps.
+"""Filters of entities and worlds: regular expressions of names, regions of space, tags.
 
-An expression is a tree of tuples. What remains to be matched behind a character is a set of such trees, its partial
-derivatives (Antimirov 1996), of which there are no more than the expression has characters once its counts are
-written out: nothing backtracks.
+An expression is a tree of tuples. The part that remains to be matched after a character is a set of such trees, its
+partial derivatives (Antimirov 1996). A set has no more trees than the expression has characters once its counts are
+written out, so nothing backtracks.
 """
 
 from __future__ import annotations
 
 import string
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 Tree = tuple[Any, ...]
 
@@ -60,7 +65,7 @@ class NameFilter:
             key = (states, character, place == 0)
             if key not in self._next:
                 self._next[key] = frozenset().union(
-                    *(_behind(tree, character, place == 0) for tree in states)
+                    *(_derivatives(tree, character, place == 0) for tree in states)
                 )
             states = self._next[key]
         return any(_may_be_empty(tree, start=not name, end=True) for tree in states)
@@ -78,25 +83,25 @@ def _may_be_empty(tree: Tree, *, start: bool, end: bool) -> bool:
     return kind == "empty" or (kind == "start" and start) or (kind == "end" and end)
 
 
-def _behind(tree: Tree, character: str, start: bool) -> frozenset[Tree]:
+def _derivatives(tree: Tree, character: str, start: bool) -> frozenset[Tree]:
     # What may remain of a tree once it has taken a character.
     kind = tree[0]
     if kind == "one":
         return frozenset({_EMPTY}) if (character in tree[1]) != tree[2] else frozenset()
     if kind == "either":
-        return frozenset().union(*(_behind(part, character, start) for part in tree[1:]))
+        return frozenset().union(*(_derivatives(part, character, start) for part in tree[1:]))
     if kind == "sequence":
         first, rest = tree[1:]
-        remains = frozenset(_sequence(one, rest) for one in _behind(first, character, start))
+        remains = frozenset(_sequence(one, rest) for one in _derivatives(first, character, start))
         if _may_be_empty(first, start=start, end=False):
-            remains |= _behind(rest, character, start)
+            remains |= _derivatives(rest, character, start)
         return remains
     if kind == "repeat":
         _, part, low, high = tree
         if high == 0:
             return frozenset()
         again = ("repeat", part, max(low - 1, 0), None if high is None else high - 1)
-        return frozenset(_sequence(one, again) for one in _behind(part, character, start))
+        return frozenset(_sequence(one, again) for one in _derivatives(part, character, start))
     return frozenset()
 
 
@@ -228,3 +233,87 @@ class _Parser:
 
     def _error(self, reason: str) -> ValueError:
         return ValueError(f"filter {self._text!r} is no regular expression: {reason} @ character {self._at}")
+
+
+Corner = tuple[float, float, float]
+
+
+class Region(ABC):
+    """A closed region of space."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, points: Sequence[Corner]) -> Region:
+        """Return the region that two points describe; ValueError for what describes none."""
+
+    @abstractmethod
+    def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Tell which segments meet it, from where they begin and end [m], shape (n, 3); shape (n,)."""
+
+
+@dataclass(frozen=True)
+class Box(Region):
+    """An axis-aligned box.
+
+    Attributes:
+        low: Its corner with the smallest coordinates [m], shape (3,).
+        high: The opposite one [m], shape (3,).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, points: Sequence[Corner]) -> Box:
+        """Return the box between two opposite corners, in any order."""
+        corners = _two(points, "a box by two opposite corners")
+        return cls(corners.min(axis=0), corners.max(axis=0))
+
+    def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Tell which segments meet it: whether the parts inside the three slabs have something in common."""
+        way = end - begin
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one, other = (self.low - begin) / way, (self.high - begin) / way
+        # A segment along a slab is in all of it or in none of it.
+        inside = (self.low <= begin) & (begin <= self.high)
+        enter = np.where(way == 0.0, np.where(inside, -np.inf, np.inf), np.minimum(one, other))
+        leave = np.where(way == 0.0, np.where(inside, np.inf, -np.inf), np.maximum(one, other))
+        met: np.ndarray = np.maximum(enter.max(axis=1), 0.0) <= np.minimum(leave.min(axis=1), 1.0)
+        return met
+
+
+@dataclass(frozen=True)
+class Sphere(Region):
+    """A sphere.
+
+    Attributes:
+        centre: Its centre [m], shape (3,).
+        radius: Its radius [m].
+    """
+
+    centre: np.ndarray
+    radius: float
+
+    @classmethod
+    def of(cls, points: Sequence[Corner]) -> Sphere:
+        """Return the sphere by its centre and, in x of the second point, its radius."""
+        centre, second = _two(points, "a sphere by its centre and, in x of the second point, its radius")
+        if second[0] < 0.0:
+            raise ValueError(f"bounds with a radius of {second[0]:g} m, expected 0 and more")
+        return cls(centre, float(second[0]))
+
+    def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Tell which segments meet it: whether their nearest points are inside."""
+        way = end - begin
+        length = np.sum(way**2, axis=1)
+        along = np.sum((self.centre - begin) * way, axis=1) / np.where(length > 0.0, length, 1.0)
+        nearest = begin + np.clip(along, 0.0, 1.0)[:, None] * way
+        met: np.ndarray = np.linalg.norm(nearest - self.centre, axis=1) <= self.radius
+        return met
+
+
+def _two(points: Sequence[Corner], what: str) -> np.ndarray:
+    pair = np.array(points, dtype=float)
+    if pair.shape != (2, 3) or not np.isfinite(pair).all():
+        raise ValueError(f"bounds with {len(points)} points, expected {what}, all finite")
+    return pair

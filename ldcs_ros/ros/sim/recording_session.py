@@ -10,7 +10,7 @@ from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.twin import Twin
 
 
-class BagKeeper:
+class RecordingSession:
     """Keeps the recorder of a twin.
 
     Args:
