@@ -41,3 +41,9 @@ class LinkError(LdcsError, OSError):
 
 class ViewingError(LdcsError, OSError):
     """A viewer, a browser or a port that is needed to show something is not to be had."""
+
+
+def one_line(error: BaseException) -> str:
+    """Return the cause of an error of the system or a library, without line breaks and never empty."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split()) or repr(error)

@@ -55,7 +55,7 @@ class Contents:
     dropped: int = 0
     sound: bool = False
 
-    def take(self, record: McapRecord) -> None:
+    def add(self, record: McapRecord) -> None:
         """Counts a record in; a message whose channel was lost is dropped."""
         if isinstance(record, Message):
             if record.channel_id not in self.channels:
@@ -71,17 +71,17 @@ class Contents:
         elif isinstance(record, Header):
             self.profile = record.profile
         elif isinstance(record, Metadata):
-            self._take_metadata(record)
+            self._add_metadata(record)
 
-    def _take_metadata(self, record: Metadata) -> None:
+    def _add_metadata(self, record: Metadata) -> None:
         if record.name == CUSTOM_DATA_RECORD:
             self.custom_data = dict(record.metadata)
             self.ros_distro = self.ros_distro or ROS_DISTRO
         elif record.name == SUMMARY_RECORD:
             self.ros_distro = record.metadata.get("ROS_DISTRO", self.ros_distro)
-            self.take_information(_mapping(record.metadata.get("serialized_metadata", "")))
+            self.add_information(_mapping(record.metadata.get("serialized_metadata", "")))
 
-    def take_information(self, information: dict[str, Any]) -> None:
+    def add_information(self, information: dict[str, Any]) -> None:
         """Takes from metadata.yaml what the records did not tell."""
         custom_data = information.get("custom_data")
         if not self.custom_data and isinstance(custom_data, dict):
@@ -112,7 +112,7 @@ def read_contents(stream: IO[bytes], size: int, tell: Callable[[int], None] | No
     scan = Scan(stream, size, tell)
     contents = Contents()
     for record in scan:
-        contents.take(record)
+        contents.add(record)
     contents.dropped += scan.dropped
     contents.sound = scan.finished and not contents.dropped and _index_agrees(stream, contents)
     return contents

@@ -18,11 +18,10 @@ from rosbags.rosbag2 import Reader, ReaderError
 
 from ldcs_ros.bags.bag_file import CUSTOM_DATA_RECORD
 from ldcs_ros.bags.metadata import FILE_NAME, ROOT_KEY
-from ldcs_ros.bags.reasons import reason
 from ldcs_ros.bags.recording import Decoder, Message, Recording
 from ldcs_ros.bags.schemas import Schemas
 from ldcs_ros.bags.topics import Qos, TopicInfo
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
 
 MAGIC = b"\x89MCAP0\r\n"
 STORAGE_SUFFIXES = (".mcap", ".db3")
@@ -69,7 +68,7 @@ class _Bag:
             with AnyReader([self._path], default_typestore=known) as reader:
                 types = reader.typestore
         except (AnyReaderError, ReaderError, OSError) as error:
-            raise RecordingError(f"{self._path}: unreadable message types: {reason(error)}") from error
+            raise RecordingError(f"{self._path}: unreadable message types: {one_line(error)}") from error
         missing = known.fielddefs.keys() - types.fielddefs.keys()
         types.register({name: known.fielddefs[name] for name in missing})
         return types
@@ -92,7 +91,7 @@ def _opened(bag: Path) -> Iterator[Reader]:
         raise
     except Exception as error:  # damage may break decompression, parsing or SQL, each with errors of its own
         raise RecordingError(
-            f"{bag} is damaged or no ROS 2 bag: {reason(error)}; `ldcs recover {bag}` may mend an MCAP bag"
+            f"{bag} is damaged or no ROS 2 bag: {one_line(error)}; `ldcs recover {bag}` may mend an MCAP bag"
         ) from error
 
 
@@ -125,7 +124,7 @@ def _check_marks(file: Path, bag: Path) -> None:
             stream.seek(max(len(opening), size - len(MAGIC)))
             closing = stream.read()
     except OSError as error:
-        raise RecordingError(f"{file} cannot be read: {reason(error)}") from error
+        raise RecordingError(f"{file} cannot be read: {one_line(error)}") from error
     if not MAGIC.startswith(opening):
         raise RecordingError(f"{file} is no MCAP file: it does not begin like one")
     if closing != MAGIC:
@@ -145,7 +144,7 @@ def _custom_data(bag: Path) -> dict[str, str]:
                     if record.name == CUSTOM_DATA_RECORD:
                         return dict(record.metadata)
     except (OSError, yaml.YAMLError, McapError, KeyError, TypeError, AttributeError) as error:
-        raise RecordingError(f"{bag}: its custom_data cannot be read: {reason(error)}") from error
+        raise RecordingError(f"{bag}: its custom_data cannot be read: {one_line(error)}") from error
     return {}
 
 

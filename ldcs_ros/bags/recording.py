@@ -10,10 +10,9 @@ from typing import Any, NamedTuple, Protocol, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ldcs_ros.bags.reasons import reason
 from ldcs_ros.bags.schemas import Schemas
 from ldcs_ros.bags.topics import TopicInfo
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
 
 
 class Message(NamedTuple):
@@ -216,5 +215,5 @@ def _decode(decoder: Decoder, message: Message, recording: str) -> Any:
     except Exception as error:  # a foreign message may break the decoder anywhere
         raise RecordingError(
             f"{recording}: the message on {message.topic} at {message.time * 1e-9:.6f} s "
-            f"is no valid {message.type}: {reason(error)}"
+            f"is no valid {message.type}: {one_line(error)}"
         ) from error

@@ -23,8 +23,7 @@ from ldcs_ros.bags.metadata import (
     sync_folder,
     write_metadata,
 )
-from ldcs_ros.bags.reasons import reason
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def recover(
     dropped = 0
     whole = Contents()
     try:
-        card = _read_card(bag)
+        metadata = _read_metadata(bag)
         files = _mcap_files(bag)
         share = _Share(progress, 2 * sum(file.stat().st_size for file in files))
         for file in files:
@@ -98,7 +97,7 @@ def recover(
                         f"{file} is no ROS 2 bag: its profile is {contents.profile!r}, expected 'ros2'; "
                         "it was left untouched"
                     )
-                contents.take_information(card)
+                contents.add_information(metadata)
                 if contents.sound:
                     summaries.append(contents.summary(file.name))
                 else:
@@ -112,14 +111,14 @@ def recover(
                 whole.custom_data.update(contents.custom_data)
                 whole.ros_distro = whole.ros_distro or contents.ros_distro
         information = bag_information(summaries, whole.custom_data, ros_distro=whole.ros_distro)
-        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(card, information))
+        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(metadata, information))
         if metadata_written:
             write_metadata(bag, information)
     except RecordingError:
         raise
     except OSError as error:
         raise RecordingError(
-            f"{bag} cannot be mended: {reason(error)}; it is as it was. "
+            f"{bag} cannot be repaired: {one_line(error)}; it is as it was. "
             "Mending needs to write there, and room for a second copy"
         ) from error
     return RecoveryReport(
@@ -181,7 +180,7 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def _read_card(bag: Path) -> dict[str, Any]:
+def _read_metadata(bag: Path) -> dict[str, Any]:
     """What metadata.yaml says now; empty when it is missing or unreadable."""
     try:
         content = yaml.safe_load((bag / FILE_NAME).read_text(encoding="utf-8"))
@@ -191,6 +190,6 @@ def _read_card(bag: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def _agrees(card: dict[str, Any], information: dict[str, Any]) -> bool:
+def _agrees(metadata: dict[str, Any], information: dict[str, Any]) -> bool:
     """Whether metadata.yaml names these files and as many messages; the rest may be a foreign way."""
-    return all(card.get(key) == information[key] for key in ("relative_file_paths", "message_count"))
+    return all(metadata.get(key) == information[key] for key in ("relative_file_paths", "message_count"))

@@ -1,15 +1,29 @@
-"""Schema text and type hash of message types: ROS 2 Kilted by the rosbags typestore, and .msg files."""
+"""Schemas of messages: the definitions of our own types, and those of ROS 2 by the rosbags type store."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
-from ldcs_ros.bags.definitions import own_definitions
-from ldcs_ros.bags.reasons import reason
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
+
+INTERFACE_PACKAGE = "ldcs_msgs"
+# A link in a checkout, plain files where the package is installed.
+FOLDER = Path(__file__).parents[1] / "msg_defs"
+
+
+@lru_cache(maxsize=1)
+def own_definitions() -> dict[str, str]:
+    """Return `ldcs_msgs/msg/Name` -> text of the .msg file, for every message of the interface package."""
+    return {
+        f"{INTERFACE_PACKAGE}/msg/{path.stem}": path.read_text(encoding="utf-8")
+        for path in sorted((FOLDER / "msg").glob("*.msg"))
+    }
+
 
 ROS_DISTRO = "kilted"
 """The distribution whose message definitions are written, as `ros_distro` in the bag."""
@@ -55,11 +69,13 @@ class Schemas:
             try:
                 types.update(get_types_from_msg(text, name))
             except TypesysError as error:
-                raise RecordingError(f"the definition of {name!r} cannot be read: {reason(error)}") from error
+                raise RecordingError(
+                    f"the definition of {name!r} cannot be read: {one_line(error)}"
+                ) from error
         try:
             self.typestore.register(types)
         except TypesysError as error:
-            raise RecordingError(f"types {sorted(definitions)} cannot be added: {reason(error)}") from error
+            raise RecordingError(f"types {sorted(definitions)} cannot be added: {one_line(error)}") from error
         self._texts.update(definitions)
 
     def __getitem__(self, message_type: str) -> Schema:
@@ -71,7 +87,7 @@ class Schemas:
             )
         except (TypesysError, KeyError) as error:
             raise RecordingError(
-                f"message type {message_type!r} cannot be recorded: {reason(error)}; "
+                f"message type {message_type!r} cannot be recorded: {one_line(error)}; "
                 "register the .msg text of it and of the types nested in it"
             ) from error
 

@@ -13,10 +13,9 @@ from types import TracebackType
 
 from ldcs_ros.bags.bag_file import CHUNK_SIZE, CUSTOM_DATA_RECORD, BagFile
 from ldcs_ros.bags.metadata import bag_information, sync_folder, write_metadata
-from ldcs_ros.bags.reasons import reason
 from ldcs_ros.bags.schemas import Schema, Schemas
 from ldcs_ros.bags.topics import TopicInfo
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
 
 QUEUE_LIMIT = 32 << 20
 """Bytes that wait for the disk before `write` blocks: minutes of the paper scene."""
@@ -255,7 +254,7 @@ class BagWriter:
         with self._condition:
             if self._error is None:
                 self._error = (
-                    f"recording to {self.folder} stopped at {self._last_time / 1e9:.3f} s: {reason(error)}; "
+                    f"recording to {self.folder} stopped at {self._last_time / 1e9:.3f} s: {one_line(error)}; "
                     f"at least {self._flushed} messages are kept: "
                     f"mend the disk, then `ldcs recover {self.folder}`"
                 )
@@ -274,4 +273,6 @@ def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:
 
 
 def _unwritable(folder: Path, error: OSError) -> str:
-    return f"the bag folder {folder} cannot be written: {reason(error)}; give a folder that you may write to"
+    return (
+        f"the bag folder {folder} cannot be written: {one_line(error)}; give a folder that you may write to"
+    )

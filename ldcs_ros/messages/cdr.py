@@ -13,7 +13,7 @@ from ldcs_ros.bags.schemas import Schemas
 # The stamp of a message that begins with a header lies right behind the four bytes that name the encoding.
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
-_SENTINEL = 0xA5
+_PLACEHOLDER = 0xA5
 
 
 @lru_cache(maxsize=1)
@@ -53,16 +53,16 @@ def header(time_ns: int, frame: str) -> Any:
     return message_class("std_msgs/msg/Header")(stamp=time_message(time_ns), frame_id=frame)
 
 
-def sentinel(size: int) -> np.ndarray:
-    """Return the bytes that mark the block which a `PatchedMessage` fills, shape (size,)."""
-    return np.full(size, _SENTINEL, dtype=np.uint8)
+def placeholder(size: int) -> np.ndarray:
+    """Return the bytes that mark the block which a `MessageTemplate` fills, shape (size,)."""
+    return np.full(size, _PLACEHOLDER, dtype=np.uint8)
 
 
-class PatchedMessage:
+class MessageTemplate:
     """A large message of constant layout: encoded once, then only its stamp and some blocks are written.
 
     Args:
-        message: Message object that begins with a header and holds `sentinel(size)` in place of each block.
+        message: Message object that begins with a header and holds `placeholder(size)` in place of each block.
         sizes: Length of each block in the order of the message [bytes].
     """
 
@@ -71,7 +71,7 @@ class PatchedMessage:
         self._blocks: list[slice] = []
         end = 0
         for size in sizes:
-            start = self._bytes.find(sentinel(size).tobytes(), end)
+            start = self._bytes.find(placeholder(size).tobytes(), end)
             if start < 0:
                 raise ValueError(f"{message.__msgtype__} does not hold a block of {size} bytes")
             end = start + size

@@ -1,12 +1,17 @@
-"""Health of the twin as data, and as DiagnosticArray."""
+"""Health of the twin and its solver: entries as data, DiagnosticArray, SolverStatus."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import time as wall
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from ldcs_ros.messages.cdr import encode, header, message_class
+from ldcs_ros.simulation.simulation import Simulation
 
+PACE_PERIOD = 1.0
+"""Wall time over which the real-time factor is measured [s]."""
 OK, WARN, ERROR = 0, 1, 2
 
 
@@ -43,6 +48,50 @@ def diagnostic_array(time_ns: int, owner: str, statuses: Iterable[Status]) -> by
         for status in statuses
     ]
     return encode(array(header=header(time_ns, ""), status=entries))
+
+
+class SolverReport:
+    """Builds `solver_status`, and measures the pace on a steady clock.
+
+    Args:
+        clock: Steady clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = wall.perf_counter) -> None:
+        self._clock = clock
+        self._seen: deque[tuple[float, float]] = deque()
+
+    def restart(self) -> None:
+        """Measure the pace anew, as after a pause."""
+        self._seen.clear()
+
+    def build(self, time_ns: int, simulation: Simulation, *, overruns: int, refused: int) -> bytes:
+        """Return a SolverStatus of the present."""
+        specs, step = simulation.statistics, simulation.last_step
+        return encode(
+            message_class("ldcs_msgs/msg/SolverStatus")(
+                header=header(time_ns, ""),
+                integrator=simulation.integrator.name,
+                real_time_factor=self._real_time_factor(simulation.time),
+                step=step.right.time - step.left.time,
+                error_estimate=specs.error_estimate,
+                wall_time=specs.wall_time,
+                steps=specs.steps,
+                rejected_steps=specs.rejected_steps,
+                evaluations=specs.evaluations,
+                factorisations=specs.factorisations,
+                overruns=overruns,
+                rejected_commands=refused,
+            )
+        )
+
+    def _real_time_factor(self, time: float) -> float:
+        now = self._clock()
+        self._seen.append((now, time))
+        while len(self._seen) > 2 and now - self._seen[1][0] >= PACE_PERIOD:
+            self._seen.popleft()
+        since, simulated = self._seen[0]
+        return (time - simulated) / (now - since) if now > since else 0.0
 
 
 def _text(value: object) -> str:

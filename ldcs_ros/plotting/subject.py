@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.bags import Recording
-from ldcs_ros.messages.display.loads import StandingLoad, standing_loads
+from ldcs_ros.messages.display.loads import SceneLoad, scene_loads
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.effects.driven_edges import DrivenEdges
 from ldcs_ros.scene.scene import Scene
@@ -31,7 +31,7 @@ class Subject:
     rest: np.ndarray
     point_rest: dict[str, np.ndarray]
     driven: tuple[int, ...]
-    loads: tuple[StandingLoad, ...]
+    loads: tuple[SceneLoad, ...]
 
 
 def subject_of(recording: Recording, track: SurfaceTrack) -> Subject:
@@ -52,7 +52,7 @@ def subject_of_scene(scene: Scene, *, title: str) -> Subject:
         rest=rest.reshape(2, *lattice.nodes, 3),
         point_rest={name: point.position(rest) for name, point in scene.points.items()},
         driven=_driven_rows(effects, lattice.nodes[1]),
-        loads=tuple(standing_loads(lattice, scene.points, effects)),
+        loads=tuple(scene_loads(lattice, scene.points, effects)),
     )
 
 

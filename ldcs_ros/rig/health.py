@@ -141,11 +141,6 @@ class Health:
         return Status("residuals", OK, f"twin against rig: {words}", values)
 
 
-def is_alarming(statuses: list[Status]) -> bool:
-    """Tell whether an operator must act."""
-    return any(status.level == ERROR for status in statuses)
-
-
 def headline(bridge: Bridge) -> str:
     """Return mode, pressures and residuals in one line for a terminal."""
     kilopascals = " ".join(f"{arm} {value / 1e3:6.1f} kPa" for arm, value in sorted(bridge.measured.items()))

@@ -8,7 +8,7 @@ from ldcs_ros.errors import DivergenceError
 from ldcs_ros.estimate.filter import SurfaceEstimate, SurfaceFilter
 from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
-from ldcs_ros.messages.surface import NodeCloud
+from ldcs_ros.messages.lattice import NodeCloud
 from ldcs_ros.messages.topics import BASE_FRAME
 from ldcs_ros.rig.intake import Sample
 from ldcs_ros.twin.twin import Twin

@@ -13,7 +13,7 @@ import numpy as np
 
 from ldcs_ros.bags import Channel, Recording
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.messages.display.markers import Shown
+from ldcs_ros.messages.display.markers import DrawableState
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.topics import find_topic, find_topics
@@ -183,7 +183,7 @@ class Snapshot:
 
     time: int
     nodes: tuple[int, int]
-    shown: Shown
+    shown: DrawableState
 
 
 def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> Iterator[Snapshot]:
@@ -214,7 +214,7 @@ def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> I
             if count % every == 0:
                 cloud = recording.decode(message)
                 waiting = Snapshot(
-                    message.time, (cloud.height // 2, cloud.width), Shown(cloud_positions(cloud))
+                    message.time, (cloud.height // 2, cloud.width), DrawableState(cloud_positions(cloud))
                 )
             count += 1
         elif message.topic == joints:
@@ -250,7 +250,7 @@ class _LatestLoads:
         if self._links and self.joints.size and self.joints.size % self._links == 0:
             angles = np.cumsum(self.joints.reshape(-1, self._links), axis=1)
         wrenches = dict(self._wrenches) if self._takes_wrenches else {}
-        shown = Shown(snapshot.shown.position, angles, wrenches)
+        shown = DrawableState(snapshot.shown.position, angles, wrenches)
         return Snapshot(snapshot.time, snapshot.nodes, shown)
 
     def _follow_schedule(self, time: int) -> None:

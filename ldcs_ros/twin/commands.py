@@ -14,7 +14,7 @@ from ldcs_ros.messages.frames import PLAIN, Frames
 from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
 from ldcs_ros.physics.effects.wrench import ALIGNED
 from ldcs_ros.simulation.simulation import Simulation
-from ldcs_ros.twin.wrench_course import WrenchCourse
+from ldcs_ros.twin.wrench_profile import WrenchProfile
 
 REASONS = (
     "malformed",
@@ -162,11 +162,11 @@ class Commands:
             _within_limits(inputs.set_torque, _replaced(inputs.torque, rows, message.torques))
         self._last_sequence = message.sequence
 
-    def start_over(self) -> None:
+    def reset_sequence(self) -> None:
         """Take numbered commands from any number on, as after a reset or when somebody rearms."""
         self._last_sequence = -1
 
-    def wrench_course(
+    def wrench_profile(
         self,
         *,
         point: str,
@@ -176,7 +176,7 @@ class Commands:
         duration: float,
         ramp: float,
         start: float,
-    ) -> WrenchCourse:
+    ) -> WrenchProfile:
         """Return the course of a wrench that acts for a while, checked whole; nothing acts yet.
 
         Args:
@@ -209,7 +209,7 @@ class Commands:
             self.refuse(refusal, "apply_wrench")
             raise
         self.accepted["apply_wrench"] += 1
-        return WrenchCourse.of(frame, force, torque, start=start, duration=duration, ramp=ramp)
+        return WrenchProfile.of(frame, force, torque, start=start, duration=duration, ramp=ramp)
 
     def hold_wrench(self, frame: str, force: Any, torque: Any) -> None:
         """Hold a wrench that has been checked; one of nothing is let go."""

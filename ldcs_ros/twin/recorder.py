@@ -68,7 +68,7 @@ class Recorder:
         if name is not None:
             self._writer.write(name, message_type, cdr, time_ns)
 
-    def start_over(self) -> None:
+    def start_next(self) -> None:
         """End the bag and begin the next one, '<folder>_reset1' and so on: time starts again at a reset.
 
         Raises:

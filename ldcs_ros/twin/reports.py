@@ -9,10 +9,9 @@ import numpy as np
 
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import nanoseconds
-from ldcs_ros.messages.display.markers import MARKER_TOPICS, Markers, Shown
+from ldcs_ros.messages.display.markers import MARKER_TOPICS, DrawableState, Markers
 from ldcs_ros.messages.frames import Frames
-from ldcs_ros.messages.solver_status import lattice_state
-from ldcs_ros.messages.surface import NodeCloud
+from ldcs_ros.messages.lattice import NodeCloud, lattice_state
 from ldcs_ros.messages.topics import TOPICS, Topic, expand
 from ldcs_ros.physics.state import State
 from ldcs_ros.sensors import Measurement, PressureSensorParameters, TrackerParameters
@@ -106,7 +105,7 @@ class Reports:
         self._markers.follow(now, places)
         subscribed = [name for name in MARKER_TOPICS if self._has_subscribers(name)]
         if subscribed:
-            shown = Shown(state.position, state.link_angle, self._simulation.inputs.wrenches)
+            shown = DrawableState(state.position, state.link_angle, self._simulation.inputs.wrenches)
             for name in subscribed:
                 self._send(name, self._markers.build(name, now, shown), now)
 

@@ -13,9 +13,8 @@ import numpy as np
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import nanoseconds
-from ldcs_ros.messages.diagnostics import Status, diagnostic_array
+from ldcs_ros.messages.diagnostics import SolverReport, Status, diagnostic_array
 from ldcs_ros.messages.frames import Frames
-from ldcs_ros.messages.solver_status import SolverReport
 from ldcs_ros.messages.topics import TOPICS, Topic
 from ldcs_ros.physics.state import State
 from ldcs_ros.scene.scene import Scene
@@ -25,9 +24,8 @@ from ldcs_ros.twin.reports import Reports
 from ldcs_ros.twin.sensor_suite import SensorSuite, pressure_parameters, tracker_parameters
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.status import twin_statuses
-from ldcs_ros.twin.vent import RAMP_TIME, VentRamp
-from ldcs_ros.twin.watchdog import Watchdog
-from ldcs_ros.twin.wrench_course import WrenchCourses
+from ldcs_ros.twin.watchdog import RAMP_TIME, VentRamp, Watchdog
+from ldcs_ros.twin.wrench_profile import WrenchSchedule
 
 Sink = Callable[[str, str, bytes, int], None]
 ARM_COMMANDS = ("pressure_command", "torque_command", "arm_command")
@@ -89,7 +87,7 @@ class Twin:
         self.frames = Frames(self.settings.frame_prefix)
         self.commands = Commands(self.simulation, self.frames)
         self._has_subscribers = has_subscribers or (lambda name: False)
-        self._courses = WrenchCourses()
+        self._wrenches = WrenchSchedule()
         self._ramp: VentRamp | None = None
         self._first_report = True
         tracker = tracker_parameters(scene, self.settings)
@@ -123,7 +121,7 @@ class Twin:
     @property
     def next_time(self) -> float:
         """Time of the next event [s]."""
-        return min(self._next_report, self._courses.next_time)
+        return min(self._next_report, self._wrenches.next_time)
 
     def advance_to_next(self) -> None:
         """Go on to the next event and emit all that belongs to it.
@@ -132,9 +130,9 @@ class Twin:
             DivergenceError: The simulation cannot go on; nothing was emitted, the state before is whole.
         """
         time = self._next_report
-        if self._courses.next_time < time:
-            self._go_to(self._courses.next_time)
-            self._follow_courses()
+        if self._wrenches.next_time < time:
+            self._go_to(self._wrenches.next_time)
+            self._apply_wrenches()
             return
         due = [source for source in self._sources if source.next_time <= time]
         if any(source.needs_state(time) for source in due):
@@ -183,7 +181,7 @@ class Twin:
             self.watchdog.feed()
         else:
             frame = self.frames.local(message.header.frame_id)
-            self._courses.drop(frame)
+            self._wrenches.drop(frame)
             self.watchdog.feed_wrench(frame)
         if topic == "arm_command":
             self._emit_arm_command()
@@ -197,7 +195,7 @@ class Twin:
         """Let a wrench act from the present on for a while, instead of the one that its frame has.
 
         It is emitted as the `external_wrench` commands that it amounts to, so that a bag replays it; no timeout
-        ends it. The arguments are those of `Commands.wrench_course`.
+        ends it. The arguments are those of `Commands.wrench_profile`.
 
         Returns:
             What was applied, in words.
@@ -206,7 +204,7 @@ class Twin:
             Refusal: Refused whole and counted; nothing changed.
         """
         self._move(self.time)
-        course = self.commands.wrench_course(
+        profile = self.commands.wrench_profile(
             point=point,
             frame_id=frame_id,
             force=force,
@@ -215,11 +213,11 @@ class Twin:
             ramp=ramp,
             start=self.time,
         )
-        self.watchdog.release_wrench(course.frame)
-        self._courses.put(course)
-        self._follow_courses()
+        self.watchdog.release_wrench(profile.frame)
+        self._wrenches.put(profile)
+        self._apply_wrenches()
         until = f"to t = {self.time + duration:.9g} s" if duration > 0.0 else "until it is replaced"
-        return f"{course.frame}: {math.hypot(*force):.6g} N, {math.hypot(*torque):.6g} N m, {until}"
+        return f"{profile.frame}: {math.hypot(*force):.6g} N, {math.hypot(*torque):.6g} N m, {until}"
 
     def check_watchdog(self) -> bool:
         """Act on silence: vent the arms, clear wrenches; return True when the watchdog tripped just now."""
@@ -242,7 +240,7 @@ class Twin:
 
     def rearm(self) -> bool:
         """Accept commands for the arms again; return whether the watchdog had tripped."""
-        self.commands.start_over()
+        self.commands.reset_sequence()
         return self.watchdog.rearm()
 
     def settle(self) -> None:
@@ -259,8 +257,8 @@ class Twin:
         """Restart at the scene's start: state, inputs, sensors and their noise; counters stay."""
         self.simulation.reset()
         self.settings = replace(self.settings, settled=False)
-        self.watchdog.forget()
-        self.commands.start_over()
+        self.watchdog.reset()
+        self.commands.reset_sequence()
         self._start()
 
     def statuses(self) -> list[Status]:
@@ -284,7 +282,7 @@ class Twin:
     def _start(self) -> None:
         self.time = self.simulation.time
         self._ramp = None
-        self._courses.clear()
+        self._wrenches.clear()
         self.solver_report.restart()
         self._first_report = True
         for source in self._sources:
@@ -300,9 +298,9 @@ class Twin:
             self._move(time)
             self.time = time
 
-    def _follow_courses(self) -> None:
-        for course, share in self._courses.take(self.time):
-            self._hold_wrench(course.frame, *course.at(share))
+    def _apply_wrenches(self) -> None:
+        for profile, fraction in self._wrenches.take(self.time):
+            self._hold_wrench(profile.frame, *profile.at(fraction))
 
     def _report_state(self, time: float, state: State) -> None:
         if self._first_report:

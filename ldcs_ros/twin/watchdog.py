@@ -1,8 +1,38 @@
-"""The watchdog over commands: notices on a steady clock that a sender has fallen silent."""
+"""The watchdog of the commands: it detects a silent sender on a steady clock; and the ramp that vents the arms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+RAMP_TIME = 0.5
+"""Duration of the ramp [s] of simulation time."""
+
+
+@dataclass(frozen=True)
+class VentRamp:
+    """A straight ramp to zero.
+
+    Attributes:
+        start: When it begins [s].
+        value: What was commanded then, gauge pressures [Pa] or torques [N m], any shape.
+        duration: How long it takes [s].
+    """
+
+    start: float
+    value: np.ndarray
+    duration: float = RAMP_TIME
+
+    def at(self, time: float) -> np.ndarray:
+        """Return what to command at `time` [s], the shape of `value`."""
+        fraction = (time - self.start) / self.duration if self.duration > 0.0 else 1.0
+        return self.value * max(0.0, 1.0 - fraction)
+
+    def is_over(self, time: float) -> bool:
+        """Tell whether zero has been reached at `time` [s]."""
+        return time - self.start >= self.duration
 
 
 class Watchdog:
@@ -80,7 +110,7 @@ class Watchdog:
         self._fed_at = None
         return tripped
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Back to the start, as after a reset of the twin."""
         self.rearm()
         self._wrench_at.clear()

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.schema.paths import get_value, put_value
@@ -107,9 +106,3 @@ def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iter
 def time_constant(content: dict[str, Any]) -> float:
     """Return c / k of the sheet's springs [s]: how slowly a stretched spring creeps back against its own damper."""
     return float(get_value(content, DAMPERS[0])) / float(get_value(content, "effects.springs.stiffness"))
-
-
-def scene_content(name: str) -> dict[str, Any]:
-    """Return a shipped scene as plain values."""
-    content: dict[str, Any] = yaml.safe_load(load_scene(name).text)
-    return content

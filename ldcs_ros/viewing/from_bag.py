@@ -128,8 +128,8 @@ def write_bag(
 def _show(stage: Stage, markers: Markers | None, time: float, snapshot: Snapshot) -> None:
     stage.sheet(time, snapshot.nodes, snapshot.shown.position)
     if markers is not None:
-        stage.figures(ARMS, time, markers.figures("arms", snapshot.shown))
-        stage.figures(LOADS, time, markers.figures("loads", snapshot.shown))
+        stage.specs(ARMS, time, markers.specs("arms", snapshot.shown))
+        stage.specs(LOADS, time, markers.specs("loads", snapshot.shown))
 
 
 def _write_courses(

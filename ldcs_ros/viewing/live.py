@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.messages.cdr import decode
-from ldcs_ros.messages.display.marker import figures_of
+from ldcs_ros.messages.display.marker import specs_of
 from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
@@ -85,7 +85,7 @@ class LiveShow:
                 self._stage.sheet(_stamp(message), nodes, cloud_positions(message))
             elif len(message.markers) > 0:
                 entity = ARMS if topic == ARMS else LOADS
-                self._stage.figures(entity, _stamp(message.markers[0]), figures_of(message))
+                self._stage.specs(entity, _stamp(message.markers[0]), specs_of(message))
         for topic, row in rows.items():
             times_of, values = np.array([time for time, _ in row]), np.array([value for _, value in row])
             parts = topic.split("/")

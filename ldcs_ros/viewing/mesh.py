@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros.messages.display.colours import of_height
-from ldcs_ros.messages.surface import triangles
+from ldcs_ros.messages.display.surface import triangles
 
 
 class ShadedMesh:

@@ -11,7 +11,15 @@ from matplotlib.colors import to_rgb
 
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.loads import rotate
-from ldcs_ros.messages.display.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, SPHERE_LIST, TEXT, Figure
+from ldcs_ros.messages.display.marker import (
+    ARROW,
+    CYLINDER,
+    LINE_STRIP,
+    SPHERE,
+    SPHERE_LIST,
+    TEXT,
+    MarkerSpec,
+)
 from ldcs_ros.plotting.style import AXIS_COLOURS, LINE_COLOURS
 from ldcs_ros.viewing.library import rerun
 from ldcs_ros.viewing.mesh import ShadedMesh
@@ -73,12 +81,18 @@ class Stage:
         )
         stream.log(NODES, rr.Points3D.from_fields(positions=position.astype(np.float32)))
 
-    def figures(self, entity: str, time: float, figures: Iterable[Figure]) -> None:
+    def specs(self, entity: str, time: float, specs: Iterable[MarkerSpec]) -> None:
         """Show the figures of a marker topic at a time [s], in place of what it showed before."""
         self._stream.set_time(TIMELINE, duration=time)
-        by_kind: dict[str, list[Figure]] = {"lines": [], "links": [], "balls": [], "arrows": [], "labels": []}
-        for figure in figures:
-            by_kind[_KINDS[figure.kind]].append(figure)
+        by_kind: dict[str, list[MarkerSpec]] = {
+            "lines": [],
+            "links": [],
+            "balls": [],
+            "arrows": [],
+            "labels": [],
+        }
+        for spec in specs:
+            by_kind[_KINDS[spec.kind]].append(spec)
         for kind, some in by_kind.items():
             path = f"{entity}/{kind}"
             # What was shown is taken away; what never was costs nothing.
@@ -146,39 +160,37 @@ class Stage:
                 columns=rr.Scalars.columns(scalars=np.asarray(values[:, number], dtype=float)),
             )
 
-    def _archetype(self, kind: str, figures: list[Figure]) -> Any:
-        rr, painted = self._rr, [_bytes(figure.colour) for figure in figures]
+    def _archetype(self, kind: str, specs: list[MarkerSpec]) -> Any:
+        rr, painted = self._rr, [_bytes(spec.colour) for spec in specs]
         if kind == "lines":
-            strips = [np.asarray(figure.points, dtype=np.float32) for figure in figures]
-            return rr.LineStrips3D(
-                strips, radii=[0.5 * figure.scale[0] for figure in figures], colors=painted
-            )
+            strips = [np.asarray(spec.points, dtype=np.float32) for spec in specs]
+            return rr.LineStrips3D(strips, radii=[0.5 * spec.scale[0] for spec in specs], colors=painted)
         if kind == "arrows":
-            ends = np.array([figure.points for figure in figures], dtype=np.float32).reshape(-1, 2, 3)
-            radii = [figure.scale[0] for figure in figures]
+            ends = np.array([spec.points for spec in specs], dtype=np.float32).reshape(-1, 2, 3)
+            radii = [spec.scale[0] for spec in specs]
             return rr.Arrows3D(
                 origins=ends[:, 0], vectors=ends[:, 1] - ends[:, 0], radii=radii, colors=painted
             )
         if kind == "links":
             return rr.Capsules3D(
-                lengths=[figure.scale[2] for figure in figures],
-                radii=[0.5 * figure.scale[0] for figure in figures],
+                lengths=[spec.scale[2] for spec in specs],
+                radii=[0.5 * spec.scale[0] for spec in specs],
                 # A capsule begins at its origin, a cylinder of ROS has its middle there.
-                translations=np.reshape([_foot(figure) for figure in figures], (-1, 3)),
-                quaternions=np.reshape([figure.orientation for figure in figures], (-1, 4)),
+                translations=np.reshape([_foot(spec) for spec in specs], (-1, 3)),
+                quaternions=np.reshape([spec.orientation for spec in specs], (-1, 4)),
                 colors=painted,
                 fill_mode="solid",
             )
         if kind == "balls":
-            groups = [np.reshape(f.points if len(f.points) else [f.position], (-1, 3)) for f in figures]
+            groups = [np.reshape(f.points if len(f.points) else [f.position], (-1, 3)) for f in specs]
             sizes = [len(group) for group in groups]
             return rr.Points3D(
                 np.concatenate([np.zeros((0, 3)), *groups]),
-                radii=np.repeat([0.5 * figure.scale[0] for figure in figures], sizes),
+                radii=np.repeat([0.5 * spec.scale[0] for spec in specs], sizes),
                 colors=np.repeat(np.array(painted, dtype=np.uint8).reshape(-1, 4), sizes, axis=0),
             )
-        places = np.reshape([figure.position for figure in figures], (-1, 3))
-        return rr.Points3D(places, radii=1e-4, colors=painted, labels=[figure.text for figure in figures])
+        places = np.reshape([spec.position for spec in specs], (-1, 3))
+        return rr.Points3D(places, radii=1e-4, colors=painted, labels=[spec.text for spec in specs])
 
 
 _KINDS = {
@@ -195,7 +207,7 @@ def _bytes(colour: Iterable[float]) -> tuple[int, ...]:
     return tuple(round(255.0 * channel) for channel in colour)
 
 
-def _foot(cylinder: Figure) -> np.ndarray:
+def _foot(cylinder: MarkerSpec) -> np.ndarray:
     """Return where a cylinder begins [m], shape (3,)."""
     along = rotate(np.array(cylinder.orientation), (0.0, 0.0, 1.0))
     return np.asarray(cylinder.position) - 0.5 * cylinder.scale[2] * along

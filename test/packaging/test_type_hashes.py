@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ldcs_ros.bags.definitions import own_definitions
-from ldcs_ros.bags.schemas import Schemas
+from ldcs_ros.bags.schemas import Schemas, own_definitions
 from ldcs_ros.messages.topics import TOPICS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -85,7 +85,7 @@ def test_each_bag_of_a_run_with_resets_replays(recorded, pneumatic, tmp_path):
             twin.advance_to(0.1)
             twin.receive("pressure_command", pressure_command([pressure]))
             twin.advance_to(0.3)
-            twin.recorder.start_over()
+            twin.recorder.start_next()
             twin.reset()
         twin.advance_to(0.3)
     for name in ("original", "original_reset1", "original_reset2"):

@@ -65,9 +65,9 @@ class RailSimulation:
         self.points = {"P0": RailPoint(0), "P1": RailPoint(-1)}
         self.visited = []
         self.reset()
-        figures = {"error_estimate": 0.0, "wall_time": 0.25, "steps": 1, "rejected_steps": 0}
-        figures |= {"evaluations": 3, "factorisations": 2}
-        self.statistics = SimpleNamespace(as_dict=lambda: {"steps": 1}, **figures)
+        specs = {"error_estimate": 0.0, "wall_time": 0.25, "steps": 1, "rejected_steps": 0}
+        specs |= {"evaluations": 3, "factorisations": 2}
+        self.statistics = SimpleNamespace(as_dict=lambda: {"steps": 1}, **specs)
         self.integrator = SimpleNamespace(name="rails")
         self.last_step = SimpleNamespace(left=SimpleNamespace(time=0.0), right=SimpleNamespace(time=0.125))
 

@@ -8,8 +8,8 @@ import numpy as np
 from fake_scene import RailScene
 
 from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.diagnostics import SolverReport
 from ldcs_ros.messages.messages import wrench_command
-from ldcs_ros.messages.solver_status import SolverReport
 
 SENSORS = {"tracker": {"points": ("P0", "P1"), "rate": 50.0}, "pressure": {"rate": 50.0}}
 

@@ -9,7 +9,7 @@ from fake_scene import RailScene
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.messages import wrench_command
 from ldcs_ros.twin.commands import Refusal
-from ldcs_ros.twin.wrench_course import MOST_STAIRS, WrenchCourse
+from ldcs_ros.twin.wrench_profile import MAX_STEPS, WrenchProfile
 
 NOTHING = (0.0, 0.0, 0.0)
 PUSH = {"point": "P1", "frame_id": "ldcs_base", "force": (0.0, 0.0, 2.0), "torque": NOTHING}
@@ -33,9 +33,9 @@ def test_a_wrench_acts_for_its_duration_to_the_nanosecond(run):
 
 @pytest.mark.parametrize(("duration", "ramp"), [(0.1, 0.03), (0.2, 0.1), (0.077, 0.0123), (60.0, 30.0)])
 def test_a_ramps_stairs_have_its_impulse(duration, ramp):
-    course = WrenchCourse.of("P1", (0, 0, 1.0), NOTHING, start=0.25, duration=duration, ramp=ramp)
-    times, shares = (np.array(column) for column in zip(*course.shares, strict=True))
-    assert len(times) <= 2 * MOST_STAIRS + 2 and (np.diff(times) > 0).all()
+    course = WrenchProfile.of("P1", (0, 0, 1.0), NOTHING, start=0.25, duration=duration, ramp=ramp)
+    times, shares = (np.array(column) for column in zip(*course.fractions, strict=True))
+    assert len(times) <= 2 * MAX_STEPS + 2 and (np.diff(times) > 0).all()
     assert times[[0, -1]].tolist() == [250_000_000, round((0.25 + duration) * 1e9)]
     assert (shares[:-1] > 0.0).all() and (shares <= 1.0).all() and shares[-1] == 0.0
     impulse = (np.diff(times) / 1e9) @ shares[:-1]

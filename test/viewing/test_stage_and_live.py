@@ -9,7 +9,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.messages.surface import triangles
+from ldcs_ros.messages.display.surface import triangles
 from ldcs_ros.messages.topics import TOPICS, expand
 from ldcs_ros.twin.twin import Twin
 from ldcs_ros.viewing.live import LiveShow, is_shown

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.messages.display import colours
-from ldcs_ros.messages.display.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, Figure
+from ldcs_ros.messages.display.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, MarkerSpec
 from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
 from ldcs_ros.physics.effects.base import Assembly
 from ldcs_ros.physics.lattice import Lattice
@@ -56,7 +56,7 @@ class ArmLines:
                 drawn[name] = np.insert(plane, 1, across, axis=1)
         return drawn
 
-    def figures(self, position: np.ndarray, link_angle: np.ndarray) -> list[Figure]:
+    def specs(self, position: np.ndarray, link_angle: np.ndarray) -> list[MarkerSpec]:
         """Return what is drawn for what `lines` takes."""
         width = _WIDTH * self._thickness
         drawn = []
@@ -65,20 +65,22 @@ class ArmLines:
                 pairs = zip(points[:-1], points[1:], strict=True)
                 drawn += [_link(f"{name}/link_{k + 1}", *ends, width) for k, ends in enumerate(pairs)]
                 scale = (_JOINT * self._thickness,) * 3
-                drawn.append(Figure(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1]))
+                drawn.append(
+                    MarkerSpec(f"{name}/joints", SPHERE_LIST, scale, colours.JOINT, points=points[:-1])
+                )
             else:
                 thin = (_EDGE * self._thickness, 0.0, 0.0)
-                drawn.append(Figure(name, LINE_STRIP, thin, colours.ARM, points=points))
+                drawn.append(MarkerSpec(name, LINE_STRIP, thin, colours.ARM, points=points))
         return drawn
 
 
-def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> Figure:
+def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> MarkerSpec:
     """Return a cylinder from one point to another [m] in a plane of constant y."""
     x, _, z = end - start
     half = 0.5 * np.arctan2(x, z)  # of the turn about y that takes z to the link
     scale = (width, width, float(np.hypot(x, z)))
     turn = (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
-    return Figure(name, CYLINDER, scale, colours.ARM, position=0.5 * (start + end), orientation=turn)
+    return MarkerSpec(name, CYLINDER, scale, colours.ARM, position=0.5 * (start + end), orientation=turn)
 
 
 def _middle(lattice: Lattice, edge: str) -> np.ndarray:

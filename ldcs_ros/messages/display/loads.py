@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.colours import Colour
-from ldcs_ros.messages.display.marker import ARROW, SPHERE, TEXT, Figure
+from ldcs_ros.messages.display.marker import ARROW, SPHERE, TEXT, MarkerSpec
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.effects.force import Force
 from ldcs_ros.physics.effects.gravity import Gravity
@@ -47,7 +47,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class StandingLoad:
+class SceneLoad:
     """A load that a scene names: it stays, only its point moves.
 
     Attributes:
@@ -67,9 +67,7 @@ class StandingLoad:
         return Load(self.name, self.point.position(position), self.force, mass=self.mass)
 
 
-def standing_loads(
-    lattice: Lattice, points: dict[str, Point], effects: Iterable[Effect]
-) -> list[StandingLoad]:
+def scene_loads(lattice: Lattice, points: dict[str, Point], effects: Iterable[Effect]) -> list[SceneLoad]:
     """Return the point forces of a scene, and its payloads with their weight."""
     effects = tuple(effects)
     gravity = sum(
@@ -79,10 +77,10 @@ def standing_loads(
     for effect in effects:
         if isinstance(effect, Force):
             where = point_at(lattice, effect.at, points)
-            loads.append(StandingLoad("force", where, np.array(effect.value, dtype=float)))
+            loads.append(SceneLoad("force", where, np.array(effect.value, dtype=float)))
         elif isinstance(effect, Payload):
             where = point_at(lattice, effect.at, points)
-            loads.append(StandingLoad("payload", where, effect.mass * gravity, effect.mass))
+            loads.append(SceneLoad("payload", where, effect.mass * gravity, effect.mass))
     return loads
 
 
@@ -108,13 +106,13 @@ def wrench_loads(
     return loads
 
 
-def load_figures(loads: Iterable[Load]) -> list[Figure]:
+def load_specs(loads: Iterable[Load]) -> list[MarkerSpec]:
     """Return what is drawn of loads.
 
     A force is an arrow of 0.1 m a newton, a torque one of 1 m a newton metre along its axis, both with the
     size written beside them; a mass is a steel ball of that weight.
     """
-    return [figure for load in loads for figure in _drawn(load)]
+    return [spec for load in loads for spec in _drawn(load)]
 
 
 def rotate(quaternion: np.ndarray, vector: Iterable[float]) -> np.ndarray:
@@ -125,12 +123,12 @@ def rotate(quaternion: np.ndarray, vector: Iterable[float]) -> np.ndarray:
     return vector + 2.0 * (scalar * across + np.cross(axis, across))
 
 
-def _drawn(load: Load) -> Iterator[Figure]:
+def _drawn(load: Load) -> Iterator[MarkerSpec]:
     force, torque = float(np.linalg.norm(load.force)), float(np.linalg.norm(load.torque))
     label = []
     if load.mass > 0.0:
         size = 2.0 * (0.75 * load.mass / (np.pi * _STEEL)) ** (1.0 / 3.0)
-        yield Figure(load.name, SPHERE, (size, size, size), colours.PAYLOAD, position=load.position)
+        yield MarkerSpec(load.name, SPHERE, (size, size, size), colours.PAYLOAD, position=load.position)
         label.append(f"{1e3 * load.mass:.3g} g")
     if force > _SMALLEST:
         yield _arrow(load.name, load.position, METRES_A_NEWTON * load.force, colours.FORCE)
@@ -145,8 +143,8 @@ def _drawn(load: Load) -> Iterator[Figure]:
         place = load.position + (tip * (1.0 + _TEXT_LIFT / np.linalg.norm(tip)) if tip.any() else _ABOVE)
         size_of_text = (0.0, 0.0, _TEXT_HEIGHT)
         name = f"{load.name}/label"
-        yield Figure(name, TEXT, size_of_text, colours.TEXT, position=place, text=", ".join(label))
+        yield MarkerSpec(name, TEXT, size_of_text, colours.TEXT, position=place, text=", ".join(label))
 
 
-def _arrow(name: str, start: np.ndarray, reach: np.ndarray, colour: Colour) -> Figure:
-    return Figure(name, ARROW, (_SHAFT, _HEAD, _HEAD_LENGTH), colour, points=(start, start + reach))
+def _arrow(name: str, start: np.ndarray, reach: np.ndarray, colour: Colour) -> MarkerSpec:
+    return MarkerSpec(name, ARROW, (_SHAFT, _HEAD, _HEAD_LENGTH), colour, points=(start, start + reach))

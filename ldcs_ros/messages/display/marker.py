@@ -16,7 +16,7 @@ ADD, DELETE_ALL = 0, 3
 
 
 @dataclass(frozen=True)
-class Figure:
+class MarkerSpec:
     """What a marker shows, apart from header, number and action.
 
     Attributes:
@@ -40,68 +40,68 @@ class Figure:
     text: str = ""
 
 
-_NOTHING = Figure("", ARROW, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+_NOTHING = MarkerSpec("", ARROW, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def marker(
-    head: Any, figure: Figure, *, number: int = 0, colours: Iterable[Any] = (), action: int = ADD
+    head: Any, spec: MarkerSpec, *, number: int = 0, colours: Iterable[Any] = (), action: int = ADD
 ) -> Any:
     """Return a visualization_msgs/Marker.
 
     Args:
         head: Its std_msgs/Header.
-        figure: What it shows.
+        spec: What it shows.
         number: Its number in its namespace.
         colours: std_msgs/ColorRGBA of each point; none for the figure's own.
         action: Add, or delete what was there.
     """
     nothing = np.zeros(0, dtype=np.uint8)
-    x, y, z = figure.scale
-    turn = dict(zip("xyzw", figure.orientation, strict=True))
+    x, y, z = spec.scale
+    turn = dict(zip("xyzw", spec.orientation, strict=True))
     return message_class("visualization_msgs/msg/Marker")(
         header=head,
-        ns=figure.namespace,
+        ns=spec.namespace,
         id=number,
-        type=figure.kind,
+        type=spec.kind,
         action=action,
         pose=message_class("geometry_msgs/msg/Pose")(
-            position=point(figure.position),
+            position=point(spec.position),
             orientation=message_class("geometry_msgs/msg/Quaternion")(**turn),
         ),
         scale=message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z),
-        color=rgba(figure.colour),
+        color=rgba(spec.colour),
         lifetime=message_class("builtin_interfaces/msg/Duration")(sec=0, nanosec=0),
         frame_locked=False,
-        points=[point(one) for one in figure.points],
+        points=[point(one) for one in spec.points],
         colors=list(colours),
         texture_resource="",
         texture=message_class("sensor_msgs/msg/CompressedImage")(header=head, format="", data=nothing),
         uv_coordinates=[],
-        text=figure.text,
+        text=spec.text,
         mesh_resource="",
         mesh_file=message_class("visualization_msgs/msg/MeshFile")(filename="", data=nothing),
         mesh_use_embedded_materials=False,
     )
 
 
-def marker_array(time_ns: int, frame: str, figures: Iterable[Figure]) -> bytes:
+def marker_array(time_ns: int, frame: str, specs: Iterable[MarkerSpec]) -> bytes:
     """Return a MarkerArray that replaces what its topic showed before.
 
     Args:
         time_ns: Its stamp [ns].
         frame: Frame that all are in.
-        figures: What it shows.
+        specs: What it shows.
     """
     head = header(time_ns, frame)
     clear = marker(head, _NOTHING, action=DELETE_ALL)
-    shown = [marker(head, figure, number=number) for number, figure in enumerate(figures)]
+    shown = [marker(head, spec, number=number) for number, spec in enumerate(specs)]
     return encode(message_class("visualization_msgs/msg/MarkerArray")(markers=[clear, *shown]))
 
 
-def figures_of(message: Any) -> list[Figure]:
+def specs_of(message: Any) -> list[MarkerSpec]:
     """Return what a MarkerArray adds; the opposite of `marker_array`."""
     return [
-        Figure(
+        MarkerSpec(
             one.ns,
             one.type,
             (one.scale.x, one.scale.y, one.scale.z),

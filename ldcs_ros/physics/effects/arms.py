@@ -375,8 +375,3 @@ class ArmsTerm(Term):
         by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
         by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])
         return by_position, by_rate
-
-
-def joint_names(links: int) -> tuple[str, ...]:
-    """Return the joints' names, left arm first, base to tip."""
-    return tuple(f"{side}_joint_{k + 1}" for side in ARM_NAMES for k in range(links))

@@ -45,9 +45,9 @@ class RecordingSession:
             self.error = self.recorder.error
             self._logger.error(self.error)
 
-    def start_over(self, twin: Twin) -> None:
+    def start_next(self, twin: Twin) -> None:
         """End the bag and begin the next one, as the twin goes back to its start."""
-        self._go_on(twin, Recorder.start_over)
+        self._go_on(twin, Recorder.start_next)
 
     def change_twin(self, old: Twin, new: Twin) -> None:
         """End the bag of a twin and begin one of another."""

@@ -258,7 +258,7 @@ class SimulationNode(LifecycleNode):
             duration=self._value("duration"),
             on_failure=self._tell_failure,
             on_finish=self.finished.set,
-            on_reset=self._start_bag_over,
+            on_reset=self._start_next_bag,
         )
         runner.refusal_reason = INACTIVE
         for validation_error in check_overrides(self, twin.topics.values()):
@@ -302,9 +302,9 @@ class SimulationNode(LifecycleNode):
                 statuses.append(self._clock_monitor.status())
             runner.twin.emit_diagnostics(self.get_fully_qualified_name(), statuses)
 
-    def _start_bag_over(self) -> None:
+    def _start_next_bag(self) -> None:
         if self._runner is not None:
-            self._bag.start_over(self._runner.twin)
+            self._bag.start_next(self._runner.twin)
 
     def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         given = {name: self._value(name) for name in ("use_sim_time", "publish_clock")}

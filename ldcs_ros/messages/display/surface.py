@@ -1,4 +1,4 @@
-"""The whole sheet as messages: the cloud of nodes, and a triangle mesh for viewers."""
+"""The surface for viewers: a triangle mesh over both layers and the four sides, coloured by height."""
 
 from __future__ import annotations
 
@@ -6,51 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.messages.cdr import PatchedMessage, header, message_class, sentinel
+from ldcs_ros.messages.cdr import MessageTemplate, header, placeholder
 from ldcs_ros.messages.display.colours import of_height
-from ldcs_ros.messages.display.marker import TRIANGLE_LIST, Figure, marker, rgba
+from ldcs_ros.messages.display.marker import TRIANGLE_LIST, MarkerSpec, marker, rgba
 from ldcs_ros.messages.topics import BASE_FRAME
 
-CLOUD_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
-_FLOAT32 = 7
 _POINT_BYTES, _COLOUR_BYTES = 24, 16
 _COLOUR = (0.16, 0.55, 0.55, 1.0)
-
-
-class NodeCloud:
-    """Builds `nodes`: an organised PointCloud2, rows layer by layer then along x, columns along y.
-
-    Args:
-        nodes: Number of nodes along x and along y.
-        frame: Name of the base frame.
-    """
-
-    def __init__(self, nodes: tuple[int, int], frame: str = BASE_FRAME) -> None:
-        nx, ny = nodes
-        point_step = 4 * len(CLOUD_FIELDS)
-        self._numbers = np.empty((2 * nx * ny, len(CLOUD_FIELDS)), dtype="<f4")
-        point_field = message_class("sensor_msgs/msg/PointField")
-        message = message_class("sensor_msgs/msg/PointCloud2")(
-            header=header(0, frame),
-            height=2 * nx,
-            width=ny,
-            fields=[
-                point_field(name=name, offset=4 * place, datatype=_FLOAT32, count=1)
-                for place, name in enumerate(CLOUD_FIELDS)
-            ],
-            is_bigendian=False,
-            point_step=point_step,
-            row_step=point_step * ny,
-            data=sentinel(self._numbers.nbytes),
-            is_dense=True,
-        )
-        self._message = PatchedMessage(message, self._numbers.nbytes)
-
-    def build(self, time_ns: int, position: np.ndarray, velocity: np.ndarray) -> bytes:
-        """Return the message for positions [m] and velocities [m/s] of shape (n_nodes, 3)."""
-        self._numbers[:, :3] = position
-        self._numbers[:, 3:] = velocity
-        return self._message.fill(time_ns, self._numbers)
 
 
 class SurfaceMesh:
@@ -66,7 +28,7 @@ class SurfaceMesh:
         self._corners = triangles(nodes).ravel()
         self._length = length
         sizes = self._corners.size * _POINT_BYTES, self._corners.size * _COLOUR_BYTES
-        self._message = PatchedMessage(_mesh_marker(self._corners.size, frame), *sizes)
+        self._message = MessageTemplate(_mesh_marker(self._corners.size, frame), *sizes)
 
     def build(self, time_ns: int, position: np.ndarray) -> bytes:
         """Return the message for positions [m] of shape (n_nodes, 3)."""
@@ -99,8 +61,8 @@ def _grid(index: np.ndarray) -> np.ndarray:
 
 
 def _mesh_marker(n_corners: int, frame: str) -> Any:
-    corners = sentinel(n_corners * _POINT_BYTES).view("<f8").reshape(n_corners, 3)
-    colours = sentinel(n_corners * _COLOUR_BYTES).view("<f4").reshape(n_corners, 4)
+    corners = placeholder(n_corners * _POINT_BYTES).view("<f8").reshape(n_corners, 3)
+    colours = placeholder(n_corners * _COLOUR_BYTES).view("<f4").reshape(n_corners, 4)
     # Viewers that know no colours by corner take the figure's own.
-    figure = Figure("surface", TRIANGLE_LIST, (1.0, 1.0, 1.0), _COLOUR, points=corners.tolist())
-    return marker(header(0, frame), figure, colours=[rgba(colour) for colour in colours.tolist()])
+    spec = MarkerSpec("surface", TRIANGLE_LIST, (1.0, 1.0, 1.0), _COLOUR, points=corners.tolist())
+    return marker(header(0, frame), spec, colours=[rgba(colour) for colour in colours.tolist()])

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from ldcs_ros.messages import messages
-from ldcs_ros.messages.cdr import PatchedMessage, decode, header, message_class, sentinel
+from ldcs_ros.messages.cdr import MessageTemplate, decode, header, message_class, placeholder
 from ldcs_ros.messages.diagnostics import ERROR, Status, diagnostic_array
-from ldcs_ros.messages.display.loads import Load, load_figures, rotate
-from ldcs_ros.messages.display.marker import figures_of, marker_array
-from ldcs_ros.messages.surface import NodeCloud, SurfaceMesh, triangles
+from ldcs_ros.messages.display.loads import Load, load_specs, rotate
+from ldcs_ros.messages.display.marker import marker_array, specs_of
+from ldcs_ros.messages.display.surface import SurfaceMesh, triangles
+from ldcs_ros.messages.lattice import NodeCloud
 from ldcs_ros.messages.topics import TOPICS, expand
 from ldcs_ros.sensors import Measurement
 
@@ -57,13 +58,13 @@ def test_the_mesh_marker_holds_the_corners_in_full_precision():
 
 def test_load_arrows_replace_what_was_shown():
     load = Load("P1", np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, -0.4]))
-    figures = load_figures([load])
-    message = decode("visualization_msgs/msg/MarkerArray", marker_array(0, "ldcs_base", figures))
+    specs = load_specs([load])
+    message = decode("visualization_msgs/msg/MarkerArray", marker_array(0, "ldcs_base", specs))
     markers = message.markers
     assert [one.action for one in markers] == [3, 0, 0]
     assert markers[1].points[1].z == pytest.approx(3.0 - 0.04)
     assert markers[2].text == "0.4 N"
-    assert [one.namespace for one in figures_of(message)] == [one.namespace for one in figures]
+    assert [one.namespace for one in specs_of(message)] == [one.namespace for one in specs]
 
 
 def test_rotating_by_a_quarter_turn_about_z_takes_x_to_y():
@@ -104,4 +105,4 @@ def test_a_message_without_the_block_cannot_be_patched():
         header=header(0, ""), wrench=decode("geometry_msgs/msg/Wrench", b"\x00\x01\x00\x00" + bytes(48))
     )
     with pytest.raises(ValueError, match="block of 8 bytes"):
-        PatchedMessage(message, sentinel(8).size)
+        MessageTemplate(message, placeholder(8).size)

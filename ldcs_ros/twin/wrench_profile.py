@@ -8,27 +8,27 @@ from dataclasses import dataclass
 
 from ldcs_ros.messages.cdr import nanoseconds
 
-STAIR_TIME = 0.01
+STEP_TIME = 0.01
 """Length of a stair of a ramp [s]: commands are held, so that a ramp is a stair that a bag can tell."""
-MOST_STAIRS = 200
+MAX_STEPS = 200
 """Stairs of the longest ramp; a stair is then 0.5 % of the wrench."""
 
 
 @dataclass(frozen=True)
-class WrenchCourse:
+class WrenchProfile:
     """A wrench and the share of it that is commanded, over time.
 
     Attributes:
         frame: Frame in which it acts: a point, or a point with '_aligned'.
         force: Full force [N].
         torque: Full torque [N m].
-        shares: Times [ns], ascending, and the share that is held from then on.
+        fractions: Times [ns], ascending, and the share that is held from then on.
     """
 
     frame: str
     force: tuple[float, float, float]
     torque: tuple[float, float, float]
-    shares: tuple[tuple[int, float], ...]
+    fractions: tuple[tuple[int, float], ...]
 
     @classmethod
     def of(
@@ -40,7 +40,7 @@ class WrenchCourse:
         start: float,
         duration: float,
         ramp: float,
-    ) -> WrenchCourse:
+    ) -> WrenchProfile:
         """Return the course that begins at `start` [s].
 
         Each stair has the mean of the straight ramp over it: the impulse is that of the ramp exactly.
@@ -53,61 +53,61 @@ class WrenchCourse:
             duration: How long it acts, ramps included [s]; 0 for until it is replaced.
             ramp: How long it rises, and falls [s].
         """
-        shares = {nanoseconds(start + time): share for time, share in _rise(ramp)}
+        fractions = {nanoseconds(start + time): fraction for time, fraction in _rise(ramp)}
         if duration > 0.0:
             falls = start + duration - ramp
-            shares |= {nanoseconds(falls + time): 1.0 - share for time, share in _rise(ramp)}
-        return cls(frame, _three(force), _three(torque), tuple(sorted(shares.items())))
+            fractions |= {nanoseconds(falls + time): 1.0 - fraction for time, fraction in _rise(ramp)}
+        return cls(frame, _three(force), _three(torque), tuple(sorted(fractions.items())))
 
-    def at(self, share: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    def at(self, fraction: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Return force [N] and torque [N m] of a share."""
-        return _three([share * f for f in self.force]), _three([share * t for t in self.torque])
+        return _three([fraction * f for f in self.force]), _three([fraction * t for t in self.torque])
 
 
-class WrenchCourses:
+class WrenchSchedule:
     """The courses under way, one for each frame."""
 
     def __init__(self) -> None:
-        self._courses: dict[str, WrenchCourse] = {}
+        self._profiles: dict[str, WrenchProfile] = {}
 
     @property
     def next_time(self) -> float:
         """When a share changes next [s], infinity for never; a whole number of nanoseconds, as bags keep it."""
-        return min((one.shares[0][0] for one in self._courses.values()), default=math.inf) / 1e9
+        return min((one.fractions[0][0] for one in self._profiles.values()), default=math.inf) / 1e9
 
-    def put(self, course: WrenchCourse) -> None:
+    def put(self, profile: WrenchProfile) -> None:
         """Follow a course, instead of the one that its frame has."""
-        self._courses[course.frame] = course
+        self._profiles[profile.frame] = profile
 
     def drop(self, frame: str) -> None:
         """Follow the course of a frame no more."""
-        self._courses.pop(frame, None)
+        self._profiles.pop(frame, None)
 
     def clear(self) -> None:
         """Follow none."""
-        self._courses.clear()
+        self._profiles.clear()
 
-    def take(self, time: float) -> list[tuple[WrenchCourse, float]]:
+    def take(self, time: float) -> list[tuple[WrenchProfile, float]]:
         """Return the courses whose share changes up to a time [s], with the share that is to be held."""
         now = nanoseconds(time)
         changed = []
-        for frame, course in list(self._courses.items()):
-            past = [share for due, share in course.shares if due <= now]
+        for frame, profile in list(self._profiles.items()):
+            past = [fraction for due, fraction in profile.fractions if due <= now]
             if not past:
                 continue
-            changed.append((course, past[-1]))
-            left = course.shares[len(past) :]
+            changed.append((profile, past[-1]))
+            left = profile.fractions[len(past) :]
             if left:
-                self._courses[frame] = WrenchCourse(frame, course.force, course.torque, left)
+                self._profiles[frame] = WrenchProfile(frame, profile.force, profile.torque, left)
             else:
-                del self._courses[frame]
+                del self._profiles[frame]
         return changed
 
 
 def _rise(ramp: float) -> list[tuple[float, float]]:
     """Return times from the start [s] and shares of a ramp to 1."""
-    stairs = min(MOST_STAIRS, math.ceil(ramp / STAIR_TIME))
-    return [(ramp * k / stairs, (k + 0.5) / stairs) for k in range(stairs)] + [(ramp, 1.0)]
+    steps = min(MAX_STEPS, math.ceil(ramp / STEP_TIME))
+    return [(ramp * k / steps, (k + 0.5) / steps) for k in range(steps)] + [(ramp, 1.0)]
 
 
 def _three(values: Sequence[float]) -> tuple[float, float, float]:

@@ -12,8 +12,7 @@ from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.loads import rotate
 from ldcs_ros.messages.display.marker import ARROW, CYLINDER, LINE_STRIP, SPHERE, TEXT
-from ldcs_ros.messages.display.markers import MARKER_TOPICS, Markers, Shown
-from ldcs_ros.messages.display.traces import LENGTH, STEP, Traces
+from ldcs_ros.messages.display.markers import LENGTH, MARKER_TOPICS, STEP, DrawableState, Markers, Traces
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.twin.twin import Twin
 
@@ -24,7 +23,7 @@ STRAIGHT = np.zeros((2, 4))
 
 def shown(markers, topic, **state):
     """Return the markers of a topic, without the one that clears, by namespace."""
-    what = Shown(**{"position": REST, "link_angle": STRAIGHT, **state})
+    what = DrawableState(**{"position": REST, "link_angle": STRAIGHT, **state})
     message = decode(TOPICS[topic].type, markers.build(topic, 5, what))
     assert message.markers[0].action == 3
     assert all(one.header.frame_id == "ldcs_base" for one in message.markers)
@@ -53,7 +52,7 @@ def test_markers_are_built_only_while_somebody_listens():
 def test_the_surface_is_coloured_by_its_height():
     raised = REST.copy()
     raised[:, 2] += np.linspace(-0.07, 0.07, len(REST))
-    message = decode(TOPICS["surface"].type, Markers(PAPER).build("surface", 0, Shown(raised)))
+    message = decode(TOPICS["surface"].type, Markers(PAPER).build("surface", 0, DrawableState(raised)))
     heights = np.array([one.z for one in message.points])
     painted = np.array([[one.r, one.g, one.b, one.a] for one in message.colors])
     assert np.array_equal(painted, colours.of_height(heights, 0.14).astype(np.float64))
@@ -69,7 +68,7 @@ def test_the_scale_of_colours_goes_half_a_length_down_and_up():
 
 
 def test_a_payload_is_a_ball_of_its_weight_with_its_arrow_and_label():
-    drawn = Markers(PAPER).build("loads", 0, Shown(REST))
+    drawn = Markers(PAPER).build("loads", 0, DrawableState(REST))
     kinds = {one.type: one for one in decode(TOPICS["loads"].type, drawn).markers[1:]}
     assert set(kinds) == {SPHERE, ARROW, TEXT}
     ball = kinds[SPHERE]
@@ -139,7 +138,7 @@ def test_a_trace_grows_while_its_point_moves_and_stays_while_it_rests():
     traces = Traces()
     for k in range(10):
         traces.follow(k, {"P1": np.array([0.0, 0.0, STEP * min(k, 4)])})
-    (line,) = traces.figures()
+    (line,) = traces.specs()
     assert (line.namespace, line.kind) == ("P1", LINE_STRIP)
     assert np.array(line.points)[:, 2] == pytest.approx(STEP * np.arange(5))
 
@@ -148,7 +147,7 @@ def test_a_trace_is_bounded_and_begins_anew_when_time_goes_back():
     traces = Traces()
     for k in range(2 * LENGTH):
         traces.follow(k, {"P1": np.array([STEP * k, 0.0, 0.0])})
-    (line,) = traces.figures()
+    (line,) = traces.specs()
     assert len(line.points) == LENGTH
     traces.follow(0, {"P1": np.zeros(3)})
-    assert traces.figures() == []
+    assert traces.specs() == []
