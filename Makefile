@@ -53,6 +53,9 @@ fuzz: setup  ## send random messages, calls, parameters for ten minutes, write d
 faults: setup  ## flood, joining subscribers, kill -9, a full disk (three minutes), write docs/under_load.md
 	@$(LOAD) flood joins kill disk
 
+attack: setup  ## attack the bridge with each event of the table (half an hour), write it into docs/bridge.md: ATTACK='--only serial'
+	@source tools/environment.sh && exec $(BIN)/python tools/attack $(or $(ATTACK),--slow --write docs/bridge.md)
+
 types: setup  ## check the types
 	@$(BIN)/mypy
 
@@ -93,4 +96,4 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults attack types msgs colcon bags docs lock clean

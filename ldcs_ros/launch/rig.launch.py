@@ -12,15 +12,23 @@ from launch.event_handlers import OnProcessIO
 from launch.events.process import ProcessIO
 from launch_ros.actions import Node
 
-from ldcs_ros.ros.common.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.common.launching import (
+    NAMESPACE,
+    argument,
+    file_parameters,
+    given_parameters,
+    node,
+    parameter_arguments,
+)
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
 
+BRIDGE_NAME = "ldcs_bridge"
 # Both nodes have a scene: the rig's is the twin's, with something hidden in it.
 RIG = [one for one in MOCK_RIG_PARAMETERS.values() if one.name not in ("scene", "rig_file")]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The bridge with its twin on `rig`; without one, a stand-in rig first, and the bridge once it can be reached."""
+    """Return the bridge on the rig that the argument or the parameter file names; without one, a mock rig and it."""
     return LaunchDescription(
         [
             argument("namespace", NAMESPACE, "Namespace of the bridge and the twin in it."),
@@ -38,14 +46,20 @@ def generate_launch_description() -> LaunchDescription:
 def _rig_and_bridge(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = context.launch_configurations
     values = given_parameters(context, BRIDGE_PARAMETERS.values())
-    if given["rig"]:
+    name = f"/{given['namespace'].strip('/')}/{BRIDGE_NAME}"
+    from_file = file_parameters(context, "params_file", name)
+
+    def setting(key: str) -> str:
+        return str(given[key] or from_file.get(key) or "")
+
+    if setting("rig"):
         return [_bridge(context, values)]
     rig_file = Path(tempfile.mkdtemp(prefix="ldcs_rig_"), "rig.yaml")
     rig_values = given_parameters(context, RIG)
-    if given["mode"] == "live" and not given["controller"]:
+    if setting("mode") == "live" and not given["controller"]:
         rig_values["controller"] = "remote"
-    if given["scene"]:
-        rig_values["scene"] = given["scene"]
+    if setting("scene"):
+        rig_values["scene"] = setting("scene")
     rig = node(context, "mock_rig", {**rig_values, "rig_file": str(rig_file)}, file="rig_params_file")
     bridges = [_bridge(context, {**values, "rig": str(rig_file)})]
 

@@ -135,6 +135,31 @@ def test_a_real_rig_needs_no_stand_in(launch):
     assert bridge.executable == "bridge" and bridge.parameters == {"rig": "my_rig.yaml", "mode": "mirror"}
 
 
+@pytest.mark.parametrize("section", ["/**", "/ldcs/ldcs_bridge", "/*/ldcs_bridge", "/**/ldcs_bridge"])
+def test_the_rig_of_a_parameter_file_is_followed_without_a_mock_rig(launch, tmp_path, section):
+    path = tmp_path / "bridge.yaml"
+    path.write_text(f"{section}: {{ros__parameters: {{rig: my_rig.yaml, mode: live}}}}")
+    (bridge,) = launch("rig.launch.py", params_file=str(path)).started
+    assert bridge.executable == "bridge" and bridge.files == [str(path)]
+    assert "rig" not in bridge.parameters, "the file decides"
+
+
+def test_the_shipped_parameter_file_of_the_bridge_starts_no_mock_rig(launch):
+    (bridge,) = launch("rig.launch.py", params_file=str(ROOT / "ldcs_ros/config/bridge.yaml")).started
+    assert bridge.executable == "bridge"
+
+
+@pytest.mark.parametrize(
+    "text", ["/other/node: {ros__parameters: {rig: r.yaml}}", "/**: {ros__parameters: {mode: live}}"]
+)
+def test_a_parameter_file_without_a_rig_leaves_the_mock_rig(launch, tmp_path, text):
+    path = tmp_path / "bridge.yaml"
+    path.write_text(text)
+    (rig,) = launch("rig.launch.py", params_file=str(path)).started
+    assert rig.executable == "mock_rig"
+    assert rig.parameters.get("controller") == ("remote" if "live" in text else None)
+
+
 def test_a_bag_commands_a_live_twin_of_its_own_scene(launch):
     from ldcs_ros import load_scene
     from ldcs_ros.bags import read_bag

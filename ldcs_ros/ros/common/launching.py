@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+import yaml
 from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.substitutions import LaunchConfiguration
@@ -51,6 +54,46 @@ def given_parameters(context: LaunchContext, parameters: Iterable[NodeParameter]
         for parameter in parameters
         if context.launch_configurations.get(parameter.name)
     }
+
+
+def file_parameters(context: LaunchContext, file: str, node_name: str) -> dict[str, Any]:
+    """Return the parameters that a parameter file gives to a node; later sections override earlier ones.
+
+    Args:
+        context: The launch under way.
+        file: Argument that holds the path of the file; an empty path has no parameters.
+        node_name: Name of the node with its namespace, such as '/ldcs/ldcs_bridge'.
+
+    Raises:
+        RuntimeError: The file cannot be read.
+    """
+    path = context.launch_configurations.get(file, "")
+    if not path:
+        return {}
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise RuntimeError(f"cannot read {file} {path}: {' '.join(str(error).split())}") from error
+    values: dict[str, Any] = {}
+    for pattern, parameters in _sections(content, ""):
+        if re.fullmatch(pattern, node_name):
+            values |= parameters
+    return values
+
+
+def _sections(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield a pattern of node names and the parameters of each section."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == "ros__parameters" and isinstance(value, dict):
+            # As in ROS: * is one name, ** any number of them.
+            parts = [
+                {"**": "(/[^/]+)*", "*": "/[^/]+"}.get(part, f"/{re.escape(part)}")
+                for part in name.split("/")
+                if part
+            ]
+            yield "".join(parts), value
+        else:
+            yield from _sections(value, f"{name}/{key}")
 
 
 def node(

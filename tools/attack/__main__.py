@@ -1,0 +1,82 @@
+"""Attack the bridge with each event and write the table of docs/bridge.md: `make attack`, ATTACK='--only modbus'."""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import re
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(Path(__file__).parent))
+# Shared memory only, before rclpy is loaded.
+os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "SHM")
+os.environ.pop("ROS_AUTOMATIC_DISCOVERY_RANGE", None)
+
+from attack_run import Row, Run  # noqa: E402
+from attack_table import write_table  # noqa: E402
+from bridge_process import prefer_devices  # noqa: E402
+from events import events  # noqa: E402
+
+_numbers = itertools.count()
+
+
+def attack(event, folder: Path) -> Row:
+    """Run one event in a ROS domain of its own."""
+    number = next(_numbers)
+    domain = 10 + (os.getpid() * 13 + number) % 220
+    return Run(event, folder / f"{number:03d}", domain).measure()
+
+
+def main() -> int:
+    """Run the events; return 1 when one is unsafe."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="pattern of the rows to run: transport, phase, event")
+    parser.add_argument("--quick", action="store_true", help="the selection of the test suite")
+    parser.add_argument("--slow", action="store_true", help="also the rows that take a minute")
+    parser.add_argument("--keep", action="store_true", help="keep the files of each run")
+    parser.add_argument("--list", action="store_true", help="print the rows, run none")
+    parser.add_argument("--write", type=Path, help="Markdown file whose table is replaced")
+    arguments = parser.parse_args()
+    chosen = [
+        event
+        for event in events()
+        if (arguments.slow or not event.slow)
+        and (event.quick or not arguments.quick)
+        and re.search(arguments.only, f"{event.transport} {event.phase} {event.what}")
+    ]
+    if arguments.list:
+        for event in chosen:
+            print(f"{event.transport:7} {event.phase:28} {event.what} -> {event.outcome}")
+        return 0
+    prefer_devices()
+    folder = Path(tempfile.mkdtemp(prefix="ldcs_attack_"))
+    rows = []
+    began = time.monotonic()
+    for event in chosen:
+        row = attack(event, folder)
+        rows.append(row)
+        verdict = "safe  " if row.safe else "UNSAFE"
+        print(
+            f"{verdict} {row.transport:7} {row.phase}: {row.what}: zero {row.zero}, empty {row.empty}, "
+            f"exit {row.exit_status}, saw {row.seen!r} {'; '.join(row.faults)}",
+            flush=True,
+        )
+    unsafe = [row for row in rows if not row.safe]
+    print(f"{len(rows)} events in {time.monotonic() - began:.0f} s, {len(unsafe)} unsafe")
+    if arguments.write:
+        write_table(arguments.write, rows)
+    if arguments.keep:
+        print(f"files of each run: {folder}")
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
+    return 1 if unsafe else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,559 @@
+"""The events of the attack table: signals, starvation, operator, rig, wire, files."""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+from attack_run import (
+    EITHER,
+    GOES_ON,
+    HELD,
+    HOLD,
+    IDLE,
+    LIMITS,
+    RAMP,
+    REFUSED,
+    SILENCE,
+    START,
+    STAYS_EMPTY,
+    VENT,
+    WORKING,
+    Event,
+    Run,
+)
+
+Act = Callable[[Run], None]
+TRANSPORTS = ("modbus", "serial", "topics")
+FULL = [WORKING * 100.0] * 2
+BUSY = "while True: pass"
+
+
+def send(number: int) -> Act:
+    """Send a signal to the node."""
+    return lambda run: run.bridge.send(number)
+
+
+def send_group(number: int) -> Act:
+    """Send a signal to the whole group, as a terminal does."""
+    return lambda run: run.bridge.send_all(number)
+
+
+def pause(duration: float) -> Act:
+    """Stop the node for a duration [s] and continue it; the operator goes on commanding."""
+
+    def act(run: Run) -> None:
+        run.bridge.send(signal.SIGSTOP)
+        time.sleep(duration)
+        run.bridge.send(signal.SIGCONT)
+        if duration < LIMITS["command_timeout"]:
+            time.sleep(1.0)
+            run.operator.pressure = None
+            run.mark()
+
+    return act
+
+
+def hit_output(number: int, then: int | None = None) -> Act:
+    """Send a signal to the process of the output stage, and another one a second later."""
+
+    def act(run: Run) -> None:
+        pid = run.output_process()
+        os.kill(pid, number)
+        if then is not None:
+            time.sleep(1.0)
+            try:
+                os.kill(pid, then)
+            except ProcessLookupError:
+                pass  # the node has replaced it
+
+    return act
+
+
+def answers(fault: str, count: int | None = None) -> Act:
+    """Let the device misbehave."""
+    return lambda run: run.device.break_answers(fault, count)
+
+
+def pulled(run: Run) -> None:
+    """Pull the cable."""
+    run.device.refuse()
+
+
+def restarted(run: Run) -> None:
+    """Restart the device at once; its valves keep their set-points."""
+    run.device.refuse()
+    time.sleep(0.15)
+    run.device.listen()
+
+
+def delayed(rate: float) -> Act:
+    """Let the readings age by a rate [s/s]; the promise counts from the time when they are older than rig_timeout."""
+
+    def act(run: Run) -> None:
+        run.device.drift_from = time.monotonic()
+        run.device.drift = rate
+        time.sleep(LIMITS["rig_timeout"] / rate)
+        run.mark()
+
+    return act
+
+
+def fall_silent(run: Run) -> None:
+    """Stop commanding."""
+    run.operator.pressure = None
+
+
+def disarm(run: Run) -> None:
+    """Call disarm."""
+    run.operator.disarm()
+
+
+def command(*values: float) -> Act:
+    """Send a command that must be refused, instead of sound ones; refused ones do not feed the watchdog."""
+
+    def act(run: Run) -> None:
+        run.operator.pressure = list(values)
+
+    return act
+
+
+def command_beside(*values: float) -> Act:
+    """Send a command that must be refused beside sound ones."""
+    return lambda run: run.operator.publish(list(values), 20)
+
+
+def to_the_limit(run: Run) -> None:
+    """Command the limit itself, which passes."""
+    run.operator.pressure = [LIMITS["pressure"]] * 2
+    reached = run.until(lambda: min(run.chambers.pressure()) > 0.97e-2 * LIMITS["pressure"], 3.0)
+    run.require(reached, "the limit itself was refused")
+
+
+def early_commands(run: Run) -> None:
+    """Send 2000 commands before arm, then arm and command nothing."""
+    run.operator.publish([110e3, 110e3], 2000)
+    run.arm(5.0)
+    time.sleep(0.5)
+
+
+def late_first_command(run: Run) -> None:
+    """Arm, command nothing for 6 s, then send one message."""
+    if run.arm():
+        time.sleep(6.0)
+        run.operator.publish(FULL)
+
+
+def late_command_after_vent(run: Run) -> None:
+    """Fall silent until it is vented, then command again."""
+    run.operator.pressure = None
+    time.sleep(2.0)
+    run.mark()
+    run.operator.pressure = FULL
+
+
+def held_disarm(run: Run) -> None:
+    """Arm, which is refused with the pressure, then disarm, which vents."""
+    done, message = run.operator.arm()
+    run.require(not done and "80" in message, f"arm says {message!r}")
+    run.mark()
+    run.operator.disarm()
+
+
+def held_vent(run: Run) -> None:
+    """Start the one-shot vent."""
+    run.start(mode="vent")
+    run.mark()
+    took = run.bridge.wait(15.0)
+    run.require(took is not None, "the one-shot vent did not end")
+    # The import of rclpy precedes the vent: the promise counts from the first write.
+    if run.chambers.requests:
+        run.reference = run.chambers.requests[0][0]
+
+
+def killed_then(again: Act) -> Act:
+    """Kill the node, start another one, and go on with it."""
+
+    def act(run: Run) -> None:
+        run.bridge.children()
+        run.bridge.send(signal.SIGKILL)
+        run.operator.pressure = None
+        again(run)
+
+    return act
+
+
+def restart_disarm(run: Run) -> None:
+    """Start a bridge again and disarm."""
+    run.start()
+    run.until(lambda: run._answers() or run.bridge.exit_status is not None, 20.0)
+    run.operator.disarm()
+
+
+def second_bridge(run: Run) -> None:
+    """Start a second bridge to the same device under another name; its arm must be refused."""
+    first = run.bridge
+    second = run.start()
+    second_ready = run.until(lambda: len(second.text()) > 0, 10.0)
+    run.require(second_ready, "the second bridge says nothing")
+    time.sleep(3.0)
+    run.bridges.remove(second)
+    run.bridges.insert(0, second)
+    assert run.bridge is first
+
+
+def starved(loops: int, seconds: float) -> Act:
+    """Starve the node and its children beside busy loops, with silence of the operator in between."""
+
+    def act(run: Run) -> None:
+        family = (run.bridge.process.pid, *run.bridge.children())
+        busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(loops)]
+        try:
+            time.sleep(0.3 * seconds)
+            run.operator.pressure = None
+            time.sleep(0.2 * seconds)
+            vented = time.monotonic()
+            run.operator.pressure = FULL
+            time.sleep(0.5 * seconds)
+            highest = run.chambers.highest(vented, time.monotonic())
+            run.require(
+                highest < 60.0, f"{highest:.0f} mbar returned without arming ({len(family)} processes)"
+            )
+            run.operator.pressure = None
+            run.mark()
+        finally:
+            for process in busy:
+                process.kill()
+                process.wait()
+
+    return act
+
+
+def throttled(run: Run) -> None:
+    """Stop and continue the node in turn, 0.3 s of 0.4 s, for 4 s."""
+    for _ in range(10):
+        run.bridge.send(signal.SIGSTOP)
+        time.sleep(0.3)
+        run.bridge.send(signal.SIGCONT)
+        time.sleep(0.1)
+    run.operator.pressure = None
+    run.mark()
+
+
+def full_disk(run: Run) -> None:
+    """Wait until the bags have met the end of the disk; the arms go on or vent."""
+    time.sleep(3.0)
+
+
+def small_files() -> None:
+    """Allow no file of more than 100 kB."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+
+def start_only(**parameters: object) -> Act:
+    """Start a bridge that must refuse to."""
+    return lambda run: run.start(**parameters) and None
+
+
+def start_with_file(text: str) -> Act:
+    """Start a bridge with a parameter file."""
+
+    def act(run: Run) -> None:
+        path = run.folder / "bridge.yaml"
+        path.write_text(text)
+        words = ("ldcs_ros.ros", "bridge", "--ros-args", "--params-file", str(path))
+        from bridge_process import BridgeProcess
+
+        run.bridges.append(BridgeProcess(run.environment, *words))
+
+    return act
+
+
+def _refused_file(what: str, seen: str, rig: object, transport: str = "modbus") -> Event:
+    return Event(f"rig file: {what}", transport, start_only(), START, REFUSED, seen, (2,), rig=rig)  # type: ignore[arg-type]
+
+
+def _replaced(old: str, new: str) -> Callable[[str], str]:
+    return lambda text: text.replace(old, new, 1)
+
+
+def events() -> list[Event]:
+    """Return all events, in the order of the table."""
+    return [
+        *_signals(),
+        *_starvation(),
+        *_operator(),
+        *_held(),
+        *_modbus(),
+        *_serial(),
+        *_topics(),
+        *_files(),
+    ]
+
+
+def _signals() -> list[Event]:
+    out = []
+    for transport in TRANSPORTS:
+        quick = transport == "modbus"
+        out += [
+            Event("SIGINT (Ctrl-C) to the node", transport, send(signal.SIGINT), quick=quick),
+            Event("SIGTERM to the node", transport, send(signal.SIGTERM)),
+            Event(
+                "SIGHUP (terminal closed, ssh lost)",
+                transport,
+                send(signal.SIGHUP),
+                quick=transport == "serial",
+            ),
+            Event("kill -9 of the node", transport, send(signal.SIGKILL), exits=(-9,), quick=True),
+            Event("node stopped for 1 s, then continued", transport, pause(1.0), seen="vented"),
+            Event("kill -9 of the output process", transport, hit_output(signal.SIGKILL), seen="vented"),
+        ]
+    m = "modbus"
+    out += [
+        Event("SIGQUIT to the node", m, send(signal.SIGQUIT)),
+        Event("SIGUSR1 to the node", m, send(signal.SIGUSR1), outcome=EITHER),
+        Event("Ctrl-C to the whole group", m, send_group(signal.SIGINT)),
+        Event("SIGHUP to the whole group", m, send_group(signal.SIGHUP)),
+        Event("SIGTERM to the whole group", m, send_group(signal.SIGTERM)),
+        Event("output process stopped for 1 s", m, hit_output(signal.SIGSTOP, signal.SIGCONT), seen="vented"),
+        Event("SIGTERM to the output process", m, hit_output(signal.SIGTERM), outcome=EITHER),
+        Event("SIGINT to the node", m, send(signal.SIGINT), RAMP),
+        Event("kill -9 of the node", m, send(signal.SIGKILL), RAMP, exits=(-9,)),
+        Event("node stopped for 1 s, then continued", m, pause(1.0), RAMP),
+    ]
+    for transport, phase in ((m, VENT), (m, SILENCE), ("serial", VENT), ("topics", SILENCE)):
+        out += [
+            Event("SIGINT to the node", transport, send(signal.SIGINT), phase, quick=phase == VENT),
+            Event("SIGTERM to the node", transport, send(signal.SIGTERM), phase),
+        ]
+    out += [
+        Event("SIGHUP to the node", m, send(signal.SIGHUP), VENT),
+        Event("kill -9 of the node", m, send(signal.SIGKILL), VENT, exits=(-9,)),
+        Event("kill -9 of the node", m, send(signal.SIGKILL), SILENCE, exits=(-9,)),
+        Event("node stopped for 1 s, then continued", m, pause(1.0), SILENCE),
+    ]
+    return out
+
+
+def _starvation() -> list[Event]:
+    m = "modbus"
+    return [
+        Event("node stopped for 0.3 s, then operator silence", m, pause(0.3), seen="no command"),
+        Event("node stopped for 5 s, then continued", m, pause(5.0), seen="vented", quick=True),
+        Event("node stopped 0.3 s out of each 0.4 s, then operator silence", m, throttled),
+        Event("4 busy loops for 8 s, operator silence in between", m, starved(4, 8.0)),
+        Event("12 busy loops for 60 s, operator silence in between", m, starved(12, 60.0), slow=True),
+    ]
+
+
+def _operator() -> list[Event]:
+    out = [
+        Event("operator silent", one, fall_silent, seen="no command", quick=one == "topics")
+        for one in TRANSPORTS
+    ]
+    m, limit = "modbus", LIMITS["pressure"]
+    nonsense = (math.nan, math.nan)
+    out += [
+        Event("disarm", m, disarm, seen="vent"),
+        Event("command at the limit", m, to_the_limit, outcome=GOES_ON),
+        Event("command 1 Pa above the limit alone", m, command(limit + 1.0, limit + 1.0), seen="over limit"),
+        Event(
+            "command 1 Pa above the limit beside sound ones",
+            m,
+            command_beside(limit + 1.0, 8e4),
+            outcome=GOES_ON,
+            seen="over limit",
+        ),
+        Event("command of NaN alone", m, command(*nonsense), seen="not a number"),
+        Event("command of three values alone", m, command(8e4, 8e4, 8e4), seen="wrong size"),
+        Event("negative command alone", m, command(-1.0, -1.0), seen="over limit"),
+        Event("2000 commands before arm, none after", m, early_commands, IDLE, STAYS_EMPTY, quick=True),
+        Event("armed, no command for 6 s, then one", m, late_first_command, IDLE, STAYS_EMPTY),
+        Event("commands again after a vent, without arm", m, late_command_after_vent, HOLD, STAYS_EMPTY),
+    ]
+    return out
+
+
+def _held() -> list[Event]:
+    out = []
+    for transport in TRANSPORTS:
+        out.append(
+            Event(
+                "arm is refused with the pressure, disarm vents", transport, held_disarm, HELD, seen="holds"
+            )
+        )
+    m = "modbus"
+    out += [
+        Event("Ctrl-C", m, send(signal.SIGINT), HELD),
+        Event("one-shot vent: -p mode:=vent", m, held_vent, HELD),
+        Event("kill -9, a new bridge, disarm", m, killed_then(restart_disarm)),
+        Event("a second bridge on the same device", m, second_bridge, outcome=EITHER),
+    ]
+    return out
+
+
+def _modbus() -> list[Event]:
+    m = "modbus"
+    once = ("one register", "five registers", "odd byte count", "other function", "exception")
+    out = [
+        Event(f"one answer: {fault}", m, answers(fault, 1), outcome=EITHER, quick=fault == "five registers")
+        for fault in once
+    ]
+    out += [
+        Event("answers: one register, for 2 s", m, answers("one register"), heals=True),
+        Event("answers: exception, for 2 s", m, answers("exception"), heals=True),
+        Event("one answer: other transaction", m, answers("other transaction", 1), outcome=EITHER),
+        Event("one answer: other unit", m, answers("other unit", 1), outcome=EITHER),
+        Event("one answer: truncated", m, answers("truncated", 1), outcome=EITHER),
+        Event(
+            "connection closed in the middle of an answer",
+            m,
+            answers("closed in the middle", 1),
+            outcome=EITHER,
+        ),
+        Event("50 answers of random bytes", m, answers("random bytes", 50)),
+        Event("answers split into bytes", m, answers("split"), outcome=GOES_ON),
+        Event("each answer late by 0.3 s, for 2 s", m, _late_answers, heals=True),
+        Event("silent island, for 2 s", m, answers("silent"), heals=True, seen="vented", quick=True),
+        Event("cable pulled, for 2 s", m, pulled, heals=True, seen="vented"),
+        Event("island restarted, its valves keep their set-point", m, restarted),
+        Event("island refuses writes, for 2 s", m, answers("refuses writes"), heals=True, seen="refuse"),
+        Event("island ignores writes, for 2 s", m, _ignored, heals=True, seen="vented"),
+        Event("read-back 300 mbar off, for 2 s", m, answers("other read-back"), heals=True, seen="vented"),
+        Event(
+            "island works to 1950 mbar and says so",
+            m,
+            answers("works to 1950 mbar"),
+            seen="vented",
+            quick=True,
+        ),
+        Event("measured pressure above the limit", m, answers("above limit"), seen="vented"),
+        Event("measured pressures of -32768 and 32767", m, answers("not a number"), seen="vented"),
+        Event("clock of the island stuck", m, answers("clock stuck"), outcome=EITHER),
+        Event("clock of the island jumps at random", m, answers("clock jumps"), outcome=EITHER),
+        Event("readings late by 100 ms more each second", m, delayed(0.1), seen="old"),
+        Event("readings late by 10 ms more each second", m, delayed(0.01), seen="old", slow=True),
+    ]
+    return out
+
+
+def _late_answers(run: Run) -> None:
+    run.device.delay = 0.3
+    run.device.break_answers("delayed")
+
+
+def _ignored(run: Run) -> None:
+    run.device.break_answers("ignores writes")
+    run.operator.pressure = [40e3, 40e3]
+
+
+def _serial() -> list[Event]:
+    s = "serial"
+    return [
+        Event("no acknowledgements", s, answers("no acknowledgements"), exits=None, seen="vented"),
+        Event("wrong checksums, for 2 s", s, answers("wrong checksum"), heals=True, seen="vented"),
+        Event(
+            "valid checksum, 400 digits, for 2 s",
+            s,
+            answers("400 digits"),
+            heals=True,
+            seen="vented",
+            quick=True,
+        ),
+        Event("controller refuses, for 2 s", s, answers("refuses"), heals=True, seen="refuse"),
+        Event("endless line, for 2 s", s, answers("endless line"), heals=True, seen="vented"),
+        Event("garbage, for 2 s", s, answers("garbage"), heals=True, seen="vented"),
+        Event("echo of what it gets", s, answers("echo"), outcome=EITHER),
+        Event("status stuck, for 2 s", s, answers("stuck status"), heals=True, seen="vented"),
+        Event("silent controller, for 2 s", s, answers("silent"), heals=True, seen="vented"),
+        Event("plug pulled, for 2 s", s, pulled, heals=True, seen="vented"),
+        Event("measured pressure above the limit", s, answers("above limit"), seen="vented"),
+        Event("read-back 300 mbar off, for 2 s", s, answers("other read-back"), heals=True, seen="vented"),
+        Event("measured pressures nan and inf", s, answers("not a number"), seen="vented"),
+        Event("readings late by 100 ms more each second", s, delayed(0.1), seen="old"),
+    ]
+
+
+def _topics() -> list[Event]:
+    t = "topics"
+    return [
+        Event("silent rig, for 2 s", t, answers("silent"), heals=True, seen="vented"),
+        Event("rig dies, for 2 s", t, pulled, heals=True, seen="vented"),
+        Event("read-back of a wrong size, for 2 s", t, answers("wrong sizes"), heals=True, seen="vented"),
+        Event("pressures of NaN and infinity", t, answers("not a number"), seen="vented"),
+        Event("stamps stuck", t, answers("stale stamps"), seen="vented"),
+        Event("no read-back, for 2 s", t, answers("no read-back"), heals=True, seen="vented"),
+        Event(
+            "another publisher on the set-point topic, for 2 s",
+            t,
+            answers("another publisher"),
+            heals=True,
+            seen="vented",
+        ),
+        Event("rig ignores set-points, for 2 s", t, _ignored_topics, heals=True, seen="vented"),
+        Event("measured pressure above the limit", t, answers("above limit"), seen="vented"),
+        Event("read-back 300 mbar off, for 2 s", t, answers("other read-back"), heals=True, seen="vented"),
+        Event("messages of random bytes, for 2 s", t, answers("random bytes"), heals=True, seen="vented"),
+        Event("readings late by 100 ms more each second", t, delayed(0.1), seen="old"),
+    ]
+
+
+def _ignored_topics(run: Run) -> None:
+    run.device.break_answers("ignores")
+    run.operator.pressure = [40e3, 40e3]
+
+
+def _files() -> list[Event]:
+    twice = f"limits: {{pressure: 500.0e+3, slew: {LIMITS['slew']}}}\n"
+    return [
+        _refused_file("heartbeat names the set-point's register", "heartbeat", {"heartbeat": 0}),
+        _refused_file("heartbeat names the right arm's set-point", "heartbeat", {"heartbeat": 1}),
+        _refused_file("clock overlaps the measured pressures", "clock", {"clock": 1}),
+        _refused_file("rate 0.2 Hz", "rate", {"rate": 0.2}),
+        _refused_file("rate 0.001 Hz", "rate", {"rate": 0.001}),
+        _refused_file("device 300", "device", {"device": 300}),
+        _refused_file("port 70000", "port", {"port": 70000}),
+        _refused_file("register -1", "setpoint", {"setpoint": -1}),
+        _refused_file("register 65535 for two arms", "setpoint", {"setpoint": 65535}),
+        _refused_file("baud -1", "baud", {"baud": -1}, "serial"),
+        _refused_file("unit overflows the register", "unit", {"unit": "Pa"}),
+        _refused_file("limits given twice", "limits.*twice|twice.*limits", lambda text: text + twice),
+        _refused_file(
+            "pressure given twice",
+            "pressure.*twice|twice.*pressure",
+            _replaced("  slew:", "  pressure: 500000.0\n  slew:"),
+        ),
+        _refused_file("port: 0502", "0502", _octal),
+        _refused_file(
+            "vent time that cannot be kept", "vent_time", _replaced("vent_time: 1.0", "vent_time: 0.3")
+        ),
+        Event("parameter file: no YAML", "modbus", start_with_file("{: ["), START, REFUSED, exits=(2,)),
+        Event("parameter: unknown mode", "modbus", start_only(mode="life"), START, REFUSED, "mode", (2,)),
+        Event(
+            "parameter: no such rig",
+            "modbus",
+            start_only(rig="nowhere.yaml"),
+            START,
+            REFUSED,
+            "nowhere",
+            (2,),
+        ),
+        Event(
+            "disk full while recording",
+            "modbus",
+            full_disk,
+            outcome=EITHER,
+            parameters={"record": "bags", "limit": small_files},
+        ),
+    ]
+
+
+def _octal(text: str) -> str:
+    lines = text.splitlines()
+    return "\n".join("  port: 0502" if line.startswith("  port:") else line for line in lines) + "\n"
