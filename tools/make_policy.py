@@ -19,7 +19,7 @@ from ldcs_ros.mock_rig.topics import COMMAND, SETPOINT, TRACKER
 from ldcs_ros.rig.bridge import Bridge
 from ldcs_ros.rig.gate import Mode
 from ldcs_ros.rig.rig_file import load_rig, shipped_rigs
-from ldcs_ros.rig.topic_link import TopicLink
+from ldcs_ros.rig.topic_link import TopicSettings
 from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES, ServiceEntry
 
 POLICY = Path(__file__).resolve().parents[1] / "ldcs_ros/config/sros2_policy.xml"
@@ -95,10 +95,11 @@ def bridge_permissions(scene: str, rigs: Iterable[str]) -> Permissions:
     rig_files = [load_rig(rig) for rig in rigs]
     bridge = Bridge(load_scene(scene), rig_files[0], mode=Mode.MIRROR, clock=time.monotonic)
     permissions.publish |= {name for name, one in bridge.twin.topics.items() if one.direction == "out"}
-    for link in (link for rig in rig_files for link in rig.connect(time.monotonic)):
-        if isinstance(link, TopicLink):
-            permissions.subscribe |= set(link.incoming)
-            permissions.publish |= {link.outgoing.topic} if link.outgoing else set()
+    # The output process runs in the enclave of its bridge.
+    for link in (link for rig in rig_files for link in rig.links):
+        if isinstance(link, TopicSettings):
+            permissions.subscribe |= {rule.topic for rule in link.receive}
+            permissions.publish |= {link.send.topic} if link.send else set()
     return permissions
 
 

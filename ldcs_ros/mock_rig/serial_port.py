@@ -9,7 +9,7 @@ from collections import deque
 from typing import Any
 
 from ldcs_ros.mock_rig.rig import MockRig
-from ldcs_ros.rig import line_protocol
+from ldcs_ros.rig.output import line_protocol
 from ldcs_ros.rig.units import PressureUnit
 
 _MBAR = PressureUnit("mbar")

@@ -13,6 +13,7 @@ from ldcs_ros.rig.gate import Gate, GateState, Mode
 from ldcs_ros.rig.intake import Intake, Sample
 from ldcs_ros.rig.link import Link
 from ldcs_ros.rig.mirror import Mirror
+from ldcs_ros.rig.output.monitor import EMPTY
 from ldcs_ros.rig.rig_bag import RigBag
 from ldcs_ros.rig.rig_file import RigFile
 from ldcs_ros.rig.rig_report import RigReport
@@ -21,8 +22,7 @@ from ldcs_ros.rig.valve_watch import ValveWatch
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
 
-_EMPTY = 0.05  # share of the largest pressure below which a chamber counts as empty
-_TOLERANCE = 0.08  # share of the largest pressure by which a sound valve may be off
+_TOLERANCE = 0.08  # fraction of the largest pressure by which a sound valve may be off
 
 
 class Bridge:
@@ -35,6 +35,7 @@ class Bridge:
         clock: Steady clock [s].
         settings: Settings of the twin's run.
         sinks: Get every message, as those of a Twin.
+        links: Links to the rig; None for those of the rig file.
 
     Attributes:
         twin: The twin; its time counts from the bridge's start.
@@ -46,6 +47,7 @@ class Bridge:
         mirror: The estimator, in mode mirror.
         bag: Where the rig's side is recorded, if it is.
         failure: Why the twin stopped; '' while it runs. Links and gate work on without it.
+        unvented: Which arms may hold pressure after the end, in words; '' for none.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class Bridge:
         clock: Callable[[], float],
         settings: RunSettings | None = None,
         sinks: Iterable[Any] = (),
+        links: list[Link] | None = None,
     ) -> None:
         self.rig, self.mode = rig, mode
         self._clock = clock
@@ -65,7 +68,8 @@ class Bridge:
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
         self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)
         self.mirror = Mirror(self.twin) if mode is Mode.MIRROR else None
-        self.links: list[Link] = rig.connect(clock)
+        commands = mode is Mode.LIVE
+        self.links: list[Link] = rig.connect(clock, commands=commands) if links is None else links
         self.start_time = clock()
         self.gate = Gate(mode, rig.limits, clock, len(arms))
         self.intake = Intake(4.0 * rig.limits.pressure, self.start_time)
@@ -77,6 +81,7 @@ class Bridge:
         self._report = RigReport(self.twin)
         self.bag: RigBag | None = None
         self.failure = ""
+        self.unvented = ""
         self.measured: dict[str, float] = {}
         self._setpoints: dict[str, float] = {}
 
@@ -88,14 +93,9 @@ class Bridge:
             link.start()
 
     def stop(self) -> None:
-        """Vent if it was armed, wait until the set-points are down, and disconnect."""
-        if self.gate.disarm("the bridge ends"):
-            end = self._clock() + self.rig.limits.vent_ramp + 0.1
-            while self._clock() < end:
-                self._offer()
-                self._pause(0.01)
-        for link in self.links:
-            link.stop()
+        """Vent in mode live, wait until the rig has confirmed zero, and disconnect; `unvented` says what is left."""
+        self.gate.disarm("the bridge ends")
+        self.unvented = "; ".join(filter(None, [link.stop() for link in self.links]))
         if self.bag is not None:
             self._record_frames()
             self.bag.close()
@@ -111,19 +111,19 @@ class Bridge:
         self._follow(now, samples)
         self._record_frames()
 
-    def command(self, pressure: Sequence[float] | np.ndarray) -> None:
-        """Take an operator's command [Pa]; raises BridgeError when it is refused."""
-        self.gate.command(pressure)
+    def command(self, pressure: Sequence[float] | np.ndarray, heard: float | None = None) -> None:
+        """Take an operator's command [Pa], heard at a steady time [s]; raises BridgeError when it is refused."""
+        self.gate.command(pressure, heard)
 
     def arm(self) -> None:
-        """Let commands through from now; raises BridgeError with all that speaks against it."""
-        self.gate.arm(self.obstacles())
+        """Let commands through from now; raises BridgeError with each precondition that does not hold."""
+        self.gate.arm(self.preconditions())
 
-    def obstacles(self) -> list[str]:
-        """Return what speaks against arming, in words."""
+    def preconditions(self) -> list[str]:
+        """Return the preconditions of arming that do not hold, in words."""
         limits, now = self.rig.limits, self._clock()
         found = [f"{link.name}: {link.error}" for link in self.links if not link.connected]
-        if not any(link.commands for link in self.links):
+        if not self.rig.takes_setpoints:
             found.append("no link of the rig file takes set-points")
         stale = self._staleness(now)
         if stale:
@@ -133,8 +133,10 @@ class Bridge:
                 found.append(f"no pressure of {arm} has been measured yet")
         if self.failure:
             found.append(f"the twin stopped: {self.failure}")
-        full = {arm: value for arm, value in self.measured.items() if value > _EMPTY * limits.pressure}
-        found += [f"{arm} holds {value / 1e3:.1f} kPa; vent it first" for arm, value in full.items()]
+        full = {arm: value for arm, value in self.measured.items() if value > EMPTY * limits.pressure}
+        found += [
+            f"{arm} holds {value / 1e3:.1f} kPa; call disarm, which vents it" for arm, value in full.items()
+        ]
         found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
         return found
 
@@ -165,6 +167,10 @@ class Bridge:
         stale = self._staleness(now)
         if stale:
             self.gate.trip(stale)
+        for link in self.links:
+            # The stage vents set-points of an earlier arming too: only the present epoch is a fault.
+            if link.vented_because and link.status.epoch >= self.gate.epoch:
+                self.gate.trip(link.vented_because)
         for arm, fault in self.watch.faults.items():
             self.gate.trip(f"{arm} {fault}")
         if self.failure:
@@ -176,9 +182,13 @@ class Bridge:
 
     def _offer(self) -> None:
         setpoint = self.gate.tick()
+        if setpoint is None:
+            return
         for link in self.links:
-            if link.commands:
-                link.offer(setpoint)
+            if self.gate.state is GateState.ARMED:
+                link.send(setpoint, self.gate.epoch)
+            else:
+                link.vent(self.gate.reason, self.gate.epoch)
 
     def _follow(self, now: float, samples: list[Sample]) -> None:
         if self.failure:
@@ -211,7 +221,7 @@ class Bridge:
         if self._setpoints:
             source: dict[str, float] = self._setpoints
         elif self.mode is Mode.LIVE:
-            source = dict(zip(arms, self.gate.setpoint.tolist(), strict=True))
+            source = dict(zip(arms, self.gate.setpoint, strict=True))
         else:
             source = self.measured
         return np.array([source.get(arm, 0.0) for arm in arms])
@@ -227,12 +237,6 @@ class Bridge:
         if self.bag is not None:
             for frame in frames:
                 self.bag.frame(frame, self.time_of(frame.time))
-
-    @staticmethod
-    def _pause(duration: float) -> None:
-        import time
-
-        time.sleep(duration)
 
 
 def mode_of(word: str) -> Mode:

@@ -10,13 +10,15 @@ JUMP = 0.15
 _WINDOW = 30.0
 _ROUND_TRIPS = 200
 _SMOOTHING = 0.05
+_FASTEST_DRIFT = 1e-3  # s per second: what two clocks part by more than this is latency
 
 
 class ClockEstimate:
     """What one source's stamps tell about its clock.
 
     Messages that only come in (one way) give offset and latency as a sum: the smallest of arrival minus
-    stamp over the last messages is taken as the offset, and what a message took longer as its latency. Where
+    stamp over the last messages is taken as the offset, and what a message took longer as its latency. The offset
+    rises no faster than clocks drift: readings that come later and later are old, not the clock slow. Where
     the bridge asked and the rig answered with a stamp, half of the shortest round trip tells them apart
     (Cristian 1989). A clock jump is a stamp further back than the one before, twice in a row, or an arrival
     long before its time.
@@ -37,6 +39,7 @@ class ClockEstimate:
         self.last_jump = 0.0
         self._smallest = _SlidingMinimum()
         self._round_trips: deque[tuple[float, float]] = deque(maxlen=_ROUND_TRIPS)
+        self._offset_time = 0.0
         self._last_stamp: float | None = None
         self._behind = 0
         self._lock = threading.Lock()  # a link's thread and the bridge's both report
@@ -48,8 +51,12 @@ class ClockEstimate:
             if self._jumped(stamp, difference):
                 return False
             smallest = self._smallest.take(received, difference)
-            if self.offset is None or not self._round_trips:
+            if self.offset is None:
                 self.offset = smallest
+            elif not self._round_trips:
+                drift = _FASTEST_DRIFT * max(received - self._offset_time, 0.0)
+                self.offset = min(smallest, self.offset + drift)
+            self._offset_time = received
             self._count_latency(difference - self.offset)
         return True
 
@@ -98,6 +105,7 @@ class ClockEstimate:
     def _restart(self, jump: float) -> None:
         self.jumps += 1
         self.last_jump = jump
+        self.offset = None
         self._smallest = _SlidingMinimum()
         self._round_trips.clear()
         self._last_stamp = None

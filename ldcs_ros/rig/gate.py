@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections import Counter
-from collections.abc import Callable, Sequence
-
-import numpy as np
+from collections.abc import Callable, Iterable, Sequence
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.limits import Limits, Pressures
 
 
 class Mode(enum.Enum):
@@ -30,20 +29,24 @@ class GateState(enum.Enum):
 
 
 class Gate:
-    """Turns what an operator asks for into set-points that a rig may get; the first place of every limit.
+    """A filter from what an operator asks for to set-points that a rig may get; the first place of every limit.
 
-    Only mode `live` opens it, and only `arm` makes it pass commands on. Whatever then goes wrong ramps the
-    set-points to zero along the vent's ramp and latches: zero is sent, commands are refused, until somebody
-    arms it again. Before it was ever armed it sends nothing.
+    Only mode `live` opens it, and only `arm` makes it pass commands on. Every fault ramps the set-points to
+    zero along the vent's ramp and latches: zero is sent and commands are refused until the next arming.
+    Before the first arming it sends nothing, unless `disarm` asks for a vent.
+
+    The time of a command is the time when it was heard. A gate that was not ticked for the command timeout
+    has itself been stopped or starved: it vents, whatever came meanwhile.
 
     Args:
         mode: What the bridge may do.
-        limits: What holds.
+        limits: Limits that hold.
         clock: Steady clock [s].
         n_arms: Number of arms.
 
     Attributes:
         state: What it does with commands.
+        epoch: Number of armings; the output stage follows set-points of the latest one only.
         reason: Why it vented, in words; '' while it has not.
         trips: How often it vented by itself.
         accepted: Number of accepted commands.
@@ -55,34 +58,42 @@ class Gate:
         self.mode, self.limits = mode, limits
         self._clock = clock
         self.state = GateState.DISARMED if mode is Mode.LIVE else GateState.CLOSED
+        self.epoch = 0
         self.reason = ""
         self.trips = 0
         self.accepted = 0
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
-        self._target = np.zeros(n_arms)
-        self._setpoint = np.zeros(n_arms)
-        self._ticked_at = clock()
+        self._zero: Pressures = (0.0,) * n_arms
+        self._target = self._setpoint = self._zero
+        self._ticked_at = self._armed_at = clock()
         self._commanded_at: float | None = None
         self._vented_at: float | None = None
 
     @property
-    def setpoint(self) -> np.ndarray:
-        """Present set-points, gauge [Pa], shape (n_arms,)."""
-        return np.array(self._setpoint)
+    def setpoint(self) -> Pressures:
+        """Present set-points, gauge [Pa], one for each arm."""
+        return self._setpoint
 
     @property
     def venting_for(self) -> float | None:
         """How long ago the last vent began [s]; None while armed or before the first one."""
         return None if self._vented_at is None else self._clock() - self._vented_at
 
-    def command(self, pressure: Sequence[float] | np.ndarray) -> None:
+    def command(self, pressure: Iterable[float], heard: float | None = None) -> None:
         """Take a command: gauge pressures [Pa], one for all arms or one for each.
 
+        Args:
+            pressure: Pressures asked for.
+            heard: Steady time at which the command was heard [s]; None for now.
+
         Raises:
-            BridgeError: Refused whole, counted; nothing changed.
+            BridgeError: The command is refused whole and counted; nothing changed.
         """
-        values = np.asarray(pressure, dtype=float).ravel()
+        now = self._clock()
+        heard = now if heard is None else min(heard, now)
+        self._check_ticks(now)
+        values = [float(value) for value in pressure]
         n, highest = len(self._target), self.limits.pressure
         if self.state is GateState.CLOSED:
             self._refuse("mode", f"mode {self.mode.value} commands nothing; start the bridge with mode live")
@@ -92,77 +103,90 @@ class Gate:
             self._refuse(
                 "vented", f"the arms were vented ({self.reason}); call arm, then send commands in time"
             )
-        if values.size not in (1, n):
-            self._refuse("wrong size", f"got {values.size} pressures, expected 1 or {n} [Pa]")
-        if not np.isfinite(values).all():
-            self._refuse("not a number", f"got {values.tolist()}, expected finite pressures [Pa]")
-        if (values < 0.0).any() or (values > highest).any():
-            self._refuse("over limit", f"got {values.tolist()} Pa, expected 0 ... {highest:g} Pa (gauge)")
-        self._target = np.broadcast_to(values, (n,)).copy()
-        self._commanded_at = self._clock()
+        if heard < self._armed_at:
+            self._refuse("too old", "the command was heard before the arming; send it again")
+        if now - heard > self.limits.command_timeout:
+            self._refuse(
+                "too old", f"got {now - heard:.2f} s, expected at most {self.limits.command_timeout:g} s"
+            )
+        if len(values) not in (1, n):
+            self._refuse("wrong size", f"got {len(values)} pressures, expected 1 or {n} [Pa]")
+        if not all(map(math.isfinite, values)):
+            self._refuse("not a number", f"got {values}, expected finite pressures [Pa]")
+        if any(value < 0.0 or value > highest for value in values):
+            self._refuse("over limit", f"got {values} Pa, expected 0 ... {highest:g} Pa (gauge)")
+        self._target = tuple(values) if len(values) == n else tuple(values * n)
+        self._commanded_at = heard
         self.accepted += 1
 
-    def arm(self, obstacles: Sequence[str] = ()) -> None:
+    def arm(self, preconditions: Sequence[str] = ()) -> None:
         """Pass commands on from now.
 
         Args:
-            obstacles: What speaks against it, in words.
+            preconditions: Preconditions that do not hold, in words.
 
         Raises:
-            BridgeError: Something speaks against it; nothing changed.
+            BridgeError: A precondition does not hold; nothing changed.
         """
         if self.mode is not Mode.LIVE:
             raise BridgeError(f"mode {self.mode.value} commands nothing; start the bridge with mode live")
         if self.state is GateState.ARMED:
             raise BridgeError("it is armed already")
-        if obstacles:
-            raise BridgeError(f"not armed: {'; '.join(obstacles)}")
+        if preconditions:
+            raise BridgeError(f"not armed: {'; '.join(preconditions)}")
         self.state, self.reason = GateState.ARMED, ""
-        self._target = np.zeros_like(self._target)
-        self._setpoint = np.zeros_like(self._setpoint)
+        self.epoch += 1
+        self._target = self._setpoint = self._zero
+        self._armed_at = self._ticked_at = self._clock()
         self._commanded_at = self._vented_at = None
 
     def disarm(self, reason: str = "disarmed by the operator") -> bool:
-        """Vent and refuse commands until armed again; return whether it was armed."""
+        """Vent and refuse commands until armed again, in mode live from every state; return whether it was armed."""
         armed = self.state is GateState.ARMED
-        if armed:
-            self._vent(reason)
+        if armed or self.state is GateState.DISARMED:
+            self.state, self.reason = GateState.VENTED, reason
+            self._target = self._zero
+            self._vented_at = self._clock()
         return armed
 
     def trip(self, reason: str) -> bool:
-        """Vent because something is wrong; return whether it was armed."""
-        armed = self.disarm(reason)
+        """Vent on a fault while armed; return whether it was armed."""
+        armed = self.state is GateState.ARMED and self.disarm(reason)
         self.trips += armed
         return armed
 
-    def tick(self) -> np.ndarray | None:
-        """Go on to the present; return the set-points to send, gauge [Pa], shape (n_arms,), or None for nothing."""
+    def tick(self) -> Pressures | None:
+        """Go on to the present; return the set-points to send, gauge [Pa], or None for nothing."""
         now = self._clock()
+        self._check_ticks(now)
         duration, self._ticked_at = now - self._ticked_at, now
         if self.state in (GateState.CLOSED, GateState.DISARMED):
             return None
-        timeout = self.limits.command_timeout
-        if (
-            self._commanded_at is not None
-            and self.state is GateState.ARMED
-            and now - self._commanded_at > timeout
-        ):
-            self.trip(f"no command for {timeout:g} s")
+        if self.state is GateState.ARMED:
+            self._check_silence(now)
         if self.state is GateState.ARMED:
             self._setpoint = self.limits.step(self._setpoint, self._target, duration)
         else:
             self._setpoint = self.limits.vent(self._setpoint, duration)
-        return np.array(self._setpoint)
-
-    def _vent(self, reason: str) -> None:
-        self.state, self.reason = GateState.VENTED, reason
-        self._target = np.zeros_like(self._target)
-        self._vented_at = self._clock()
+        return self._setpoint
 
     def count_refusal(self, reason: str, detail: str) -> None:
-        """Count a refusal; also of what is no command at all, such as bytes that cannot be read."""
+        """Count a refusal; also of bytes that are no command at all."""
         self.refused[reason] += 1
         self.last_refusal = f"{reason}: {detail}"
+
+    def _check_ticks(self, now: float) -> None:
+        late = now - self._ticked_at
+        if self.state is GateState.ARMED and late > self.limits.command_timeout:
+            self.trip(f"the bridge was stopped or starved for {late:.2f} s")
+
+    def _check_silence(self, now: float) -> None:
+        timeout, first = self.limits.command_timeout, self.limits.arm_timeout
+        if self._commanded_at is not None:
+            if now - self._commanded_at > timeout:
+                self.trip(f"no command for {timeout:g} s")
+        elif now - self._armed_at > first:
+            self.trip(f"no command within {first:g} s after arming")
 
     def _refuse(self, reason: str, detail: str) -> None:
         self.count_refusal(reason, detail)

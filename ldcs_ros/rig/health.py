@@ -41,23 +41,30 @@ class Health:
         level, words = OK, f"{gate.mode.value}: commands nothing"
         if gate.state is GateState.DISARMED:
             level, words = OK, "live, not armed: call arm"
+            holding = self._holding()
+            if holding:
+                level, words = ERROR, f"{holding} before the first arming: call disarm, which vents"
         elif gate.state is GateState.ARMED:
             level, words = OK, "live, armed"
         elif gate.state is GateState.VENTED:
-            level, words = ERROR, f"vented: {gate.reason}; call arm when it is mended"
+            level, words = ERROR, f"vented: {gate.reason}; call arm after the repair"
             full = self._still_full()
             if full:
                 words = f"{full} still holds pressure: cut the supply; {words}"
         values: dict[str, Any] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
-        setpoints = gate.setpoint.tolist()
+        setpoints = gate.setpoint
         for arm, value in zip(self._bridge.twin.simulation.arm_names, setpoints, strict=True):
             values[f"set-point {arm} [Pa]"] = value
         values["limit [Pa]"] = limits.pressure
         values["accepted"] = gate.accepted
         values["refused"] = sum(gate.refused.values())
         values["last refusal"] = gate.last_refusal or "none"
-        values["corrected by a link"] = sum(link.stage.corrections for link in self._bridge.links)
+        values["clipped by the output stage"] = sum(link.status.clipped for link in self._bridge.links)
         return Status("gate", level, words, values)
+
+    def _holding(self) -> str:
+        """Return the arms that hold pressure or work to a set-point, as a link that commands says, in words."""
+        return ", ".join(filter(None, (link.status.holding for link in self._bridge.links if link.commands)))
 
     def _still_full(self) -> str:
         bridge = self._bridge
@@ -77,7 +84,9 @@ class Health:
             values[f"{link.name} connected"] = link.connected
             values[f"{link.name} drops"] = link.drops
             values[f"{link.name} malformed"] = link.malformed
-            values[f"{link.name} heartbeats sent"] = link.beats
+            values[f"{link.name} heartbeats sent"] = link.heartbeats
+            values[f"{link.name} writes refused"] = link.status.refusals
+            values[f"{link.name} output processes lost"] = link.replaced
         if broken:
             return Status("links", ERROR, "; ".join(broken), values)
         if lost:
@@ -149,4 +158,6 @@ def headline(bridge: Bridge) -> str:
         for point, square in bridge.follower.squared_residual.items()
     )
     state = bridge.gate.state.value if bridge.mode is Mode.LIVE else "listening"
+    if bridge.gate.state is GateState.VENTED:
+        state = f"vented, call arm ({bridge.gate.reason})"
     return f"t {bridge.twin.time:8.2f} s | {bridge.mode.value}, {state} | {kilopascals} | off by {residuals}"

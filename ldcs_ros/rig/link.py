@@ -1,32 +1,29 @@
-"""`Link`: one connection to a rig with its own thread, raw frames, health, and the last stage of every limit."""
+"""`Link`: one way to a rig, as the bridge sees it: readings, raw frames, set-points, status."""
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.clocks import ClockEstimate
-from ldcs_ros.rig.limits import LastStage, Limits
+from ldcs_ros.rig.limits import Pressures
+from ldcs_ros.rig.output.limiter import OutputState
+from ldcs_ros.rig.output.stage import OutputStatus
 from ldcs_ros.rig.reading import Reading
 
 _MOST_WAITING = 10_000
-_RETRY_PERIOD = 0.2
 
 
 @dataclass(frozen=True)
-class Frame:
+class RawFrame:
     """Bytes as they went over a link.
 
     Attributes:
         link: Name of the link, or topic of a message.
         sent: Whether the bridge sent them.
         data: The bytes.
-        time: When [s of the bridge's clock].
+        time: Steady time [s].
         type: ROS type of a message; '' for other bytes.
     """
 
@@ -38,111 +35,58 @@ class Frame:
 
 
 class Link:
-    """Base of the transports; a subclass opens, closes and exchanges, everything else is here.
+    """A way to a rig. This base only listens; a link that commands overrides `send`, `vent` and `stop`.
 
     Args:
-        name: What diagnostics and the bag call it.
-        limits: Hard limits, kept here once more.
+        name: Name in diagnostics and in the bag.
         clock: Steady clock [s].
-        rate: Exchanges a second [Hz].
 
     Attributes:
+        commands: Whether set-points go this way.
         connected: Whether the last exchange worked.
-        error: Why it does not, in words; '' while it does.
-        drops: How often the connection was lost.
-        malformed: Frames that made no sense.
-        clock_estimate: Offset and round trip, where the rig answers with a stamp.
+        error: Cause in words; '' while connected.
+        drops: Number of lost connections.
+        malformed: Number of frames that made no sense.
+        heartbeats: Number of writes.
+        replaced: Number of output processes that were lost and replaced.
+        status: Latest status of the output stage.
+        clock_estimate: Offset and round trip, for a rig that answers with a stamp.
     """
 
-    commands = True
+    commands = False
 
-    def __init__(self, name: str, limits: Limits, clock: Callable[[], float], rate: float) -> None:
-        self.name, self.rate = name, rate
-        self.clock = clock
-        self.stage = LastStage(limits, clock)
-        self.connected = False
-        self._is_open = False
-        self.error = "not opened yet"
-        self.drops = 0
-        self.malformed = 0
-        self.beats = 0
+    def __init__(self, name: str, clock: Callable[[], float]) -> None:
+        self.name, self.clock = name, clock
+        self.connected, self.error = False, "not opened yet"
+        self.drops = self.malformed = self.heartbeats = self.replaced = 0
+        self.status = OutputStatus()
         self.clock_estimate: ClockEstimate | None = None
         self._readings: deque[Reading] = deque(maxlen=_MOST_WAITING)
-        self._frames: deque[Frame] = deque(maxlen=_MOST_WAITING)
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._frames: deque[RawFrame] = deque(maxlen=_MOST_WAITING)
 
-    # -- what a transport is
+    @property
+    def vented_because(self) -> str:
+        """Cause of a vent of the output stage, in words; '' while it has not vented."""
+        return self.status.reason if self.status.state == OutputState.VENTED.value else ""
 
-    def open(self) -> None:
-        """Connect; raises LinkError."""
-        raise NotImplementedError
+    def start(self, *, vent: str = "") -> None:
+        """Begin; with a reason to vent, the first act is a vent."""
+        self.connected, self.error = True, ""
 
-    def close(self) -> None:
-        """Disconnect; never raises."""
-        raise NotImplementedError
+    def send(self, pressure: Pressures, epoch: int) -> None:
+        """Hand on set-points of an armed gate: gauge [Pa], one for each arm, and the epoch of their arming."""
 
-    def exchange(self, setpoint: np.ndarray | None) -> None:
-        """Send set-points [Pa], shape (n_arms,), unless None, and receive what there is; raises LinkError."""
-        raise NotImplementedError
+    def vent(self, reason: str, epoch: int) -> None:
+        """Ramp to zero and stay there until a later epoch."""
 
-    # -- what they all do
-
-    def start(self) -> None:
-        """Start exchanging on a thread of its own."""
-        self._thread = threading.Thread(target=self._run, name=f"link {self.name}", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread and the connection."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join(5.0)
-        else:
-            self.close()
-
-    def offer(self, setpoint: np.ndarray | None) -> None:
-        """Take the gate's set-points [Pa], shape (n_arms,); None to send nothing."""
-        self.stage.offer(setpoint)
+    def stop(self) -> str:
+        """End; return which arms may hold pressure, in words; '' for none."""
+        return ""
 
     def take_readings(self) -> list[Reading]:
         """Return what has come since the last call, oldest first."""
         return [self._readings.popleft() for _ in range(len(self._readings))]
 
-    def take_frames(self) -> list[Frame]:
+    def take_frames(self) -> list[RawFrame]:
         """Return the raw frames since the last call, oldest first."""
         return [self._frames.popleft() for _ in range(len(self._frames))]
-
-    def work(self) -> float:
-        """Connect or exchange once; return how long to wait before the next time [s]."""
-        try:
-            if not self._is_open:
-                self.open()
-                self._is_open = True
-            self.exchange(self.stage.next())
-        except LinkError as error:
-            self.drops += self.connected
-            self.connected, self.error = False, str(error)
-            self._is_open = False
-            self.close()
-            return _RETRY_PERIOD
-        # A rig that takes a connection and then says nothing is not connected.
-        self.connected, self.error = True, ""
-        return 1.0 / self.rate
-
-    def record(self, data: bytes, *, sent: bool) -> None:
-        """Keep a raw frame for the bag."""
-        self._frames.append(Frame(self.name, sent, bytes(data), self.clock()))
-
-    def report(
-        self, kind: str, name: str, value: np.ndarray, *, stamp: float | None = None, age: float = 0.0
-    ) -> None:
-        """Hand on a reading that came just now."""
-        self._readings.append(Reading(kind, name, value, self.clock(), self.name, stamp, age))
-
-    def _run(self) -> None:
-        next_time = self.clock()
-        while not self._stopping.is_set():
-            next_time = max(next_time + self.work(), self.clock() - 0.1)
-            self._stopping.wait(max(0.0, next_time - self.clock()))
-        self.close()

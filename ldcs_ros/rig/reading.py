@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:  # the output process reads the names of the arms and loads no NumPy
+    import numpy as np
 
 KINDS = ("pressure", "pressure_command", "position")
 ARM_NAMES = ("left", "right")

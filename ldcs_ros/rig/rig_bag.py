@@ -10,7 +10,7 @@ from ldcs_ros import bags as recording
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import encode, message_class, nanoseconds
 from ldcs_ros.rig.intake import Sample
-from ldcs_ros.rig.link import Frame
+from ldcs_ros.rig.link import RawFrame
 from ldcs_ros.rig.rig_report import sample_message
 
 _BYTES = "std_msgs/msg/UInt8MultiArray"
@@ -71,7 +71,7 @@ class RigBag:
             )
             self._write(f"{self._namespace}/{made[0]}", kind, made[1], received)
 
-    def frame(self, frame: Frame, time: float) -> None:
+    def frame(self, frame: RawFrame, time: float) -> None:
         """Record a raw frame that went over a link at a time [s of the twin]."""
         if frame.type:
             self._write(frame.link, frame.type, frame.data, time)

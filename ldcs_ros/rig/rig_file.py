@@ -15,13 +15,15 @@ import yaml
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.limits import Limits
 from ldcs_ros.rig.link import Link
-from ldcs_ros.rig.modbus import ModbusLink, ModbusMap
+from ldcs_ros.rig.output.modbus import ModbusMap
+from ldcs_ros.rig.output.serial_line import SerialSettings
+from ldcs_ros.rig.output_link import OutputLink
 from ldcs_ros.rig.reading import ARM_NAMES, KINDS
-from ldcs_ros.rig.serial_line import SerialLink, SerialSettings
-from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink
+from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.schema.reader import Checks
 
+TOPIC_PROGRAM = "ldcs_ros.ros.rig.topic_output"  # started by name: this room imports no rclpy
 LINK_TYPES = ("modbus", "serial", "topics")
 _CHECKS = Checks(BridgeError)
 _UNIT_KEYS = ("unit", "reference", "ambient")
@@ -43,18 +45,19 @@ class RigFile:
     links: tuple[Any, ...]
     text: str
 
-    def connect(self, clock: Callable[[], float]) -> list[Link]:
-        """Return the links, not yet started, on a steady clock [s]."""
-        return [_link(settings, self.limits, clock) for settings in self.links]
+    def connect(self, clock: Callable[[], float], *, commands: bool) -> list[Link]:
+        """Return the links, not yet started.
 
+        Args:
+            clock: Steady clock [s].
+            commands: Whether set-points are to go to the rig.
+        """
+        return [link for settings in self.links for link in _links(settings, self.limits, clock, commands)]
 
-@dataclass(frozen=True)
-class TopicSettings:
-    """What goes over topics."""
-
-    receive: tuple[Incoming, ...]
-    send: Outgoing | None
-    rate: float = 50.0
+    @property
+    def takes_setpoints(self) -> bool:
+        """Whether a link of the file takes set-points."""
+        return any(not isinstance(one, TopicSettings) or one.send is not None for one in self.links)
 
 
 def shipped_rigs() -> dict[str, Path]:
@@ -185,9 +188,19 @@ def _names(cls: Any) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls))
 
 
-def _link(settings: Any, limits: Limits, clock: Callable[[], float]) -> Link:
+def _links(settings: Any, limits: Limits, clock: Callable[[], float], commands: bool) -> list[Link]:
     if isinstance(settings, ModbusMap):
-        return ModbusLink(settings, limits, clock)
+        has_clock = settings.clock >= 0
+        return [
+            OutputLink("modbus", "modbus", settings, limits, clock, commands=commands, has_clock=has_clock)
+        ]
     if isinstance(settings, SerialSettings):
-        return SerialLink(settings, limits, clock)
-    return TopicLink(settings.receive, settings.send, limits, clock, rate=settings.rate)
+        return [OutputLink("serial", "serial", settings, limits, clock, commands=commands, has_clock=True)]
+    links: list[Link] = [TopicLink(settings.receive, clock)]
+    if commands and settings.send is not None:
+        links.append(
+            OutputLink(
+                "topic output", "topics", settings, limits, clock, commands=True, program=TOPIC_PROGRAM
+            )
+        )
+    return links

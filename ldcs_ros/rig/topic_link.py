@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.loads import rotate
-from ldcs_ros.rig.limits import Limits
-from ldcs_ros.rig.link import Frame, Link
+from ldcs_ros.rig.link import Link, RawFrame
 from ldcs_ros.rig.reading import Reading
 from ldcs_ros.rig.units import PressureUnit
 
@@ -73,55 +71,36 @@ class Outgoing:
     unit: PressureUnit = field(default_factory=PressureUnit)
 
 
+@dataclass(frozen=True)
+class TopicSettings:
+    """The topics of a rig: rules of what comes in, where set-points go, and how often [Hz]."""
+
+    receive: tuple[Incoming, ...]
+    send: Outgoing | None
+    rate: float = 50.0
+
+
 class TopicLink(Link):
-    """Takes messages from whoever subscribes for it, and hands set-points to whoever publishes for it.
+    """A listener: takes messages as bytes from the node that subscribes for it.
 
     Args:
-        incoming: What comes in.
-        outgoing: Where set-points go; None for a rig that is only listened to.
-        limits: Hard limits.
+        incoming: Rules of the topics that come in.
         clock: Steady clock [s].
-        rate: Set-points a second [Hz].
-
-    Attributes:
-        publish: Sends a message: topic, CDR bytes; set by the node.
     """
 
-    def __init__(
-        self,
-        incoming: tuple[Incoming, ...],
-        outgoing: Outgoing | None,
-        limits: Limits,
-        clock: Callable[[], float],
-        *,
-        rate: float = 50.0,
-    ) -> None:
-        super().__init__("topics", limits, clock, rate)
+    def __init__(self, incoming: tuple[Incoming, ...], clock: Callable[[], float]) -> None:
+        super().__init__("topics", clock)
         self.incoming = {one.topic: one for one in incoming}
-        self.outgoing = outgoing
-        self.commands = outgoing is not None
-        self.publish: Callable[[str, bytes], None] = lambda topic, cdr: None
-
-    def open(self) -> None:
-        """Nothing to do: DDS connects by itself, and silence is noticed as such."""
-
-    def close(self) -> None:
-        """Nothing to do."""
-
-    def exchange(self, setpoint: np.ndarray | None) -> None:
-        if setpoint is None or self.outgoing is None:
-            return
-        values = np.array([self.outgoing.unit.from_pascal(float(value)) for value in setpoint])
-        self.beats += 1
-        self.publish(self.outgoing.topic, messages.pressure_command(values))
+        # DDS connects by itself, and silence is noticed as such.
+        self.connected, self.error = True, ""
 
     def receive(self, topic: str, cdr: bytes) -> None:
         """Take a message's bytes; what makes no sense is counted."""
         rule = self.incoming[topic]
-        self._frames.append(Frame(topic, False, cdr, self.clock(), rule.type))
+        self._frames.append(RawFrame(topic, False, cdr, self.clock(), rule.type))
         try:
             message = decode(rule.type, cdr)
-            found = list(_values(rule, message))
+            found = values_of(rule, message)
         except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes
             self.malformed += 1
             return
@@ -132,7 +111,8 @@ class TopicLink(Link):
             self._readings.append(Reading(rule.gives, name, value, now, topic, stamp or None, rule.age))
 
 
-def _values(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
+def values_of(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
+    """Return names with gauge pressures [Pa], shape (), or positions in ldcs_base [m], shape (3,), of a message."""
     kind = rule.type.rsplit("/", 1)[1]
     if kind == "TransformStamped":
         name = rule.names.get(message.child_frame_id)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.signals.mapping import PRESSURE
+from ldcs_ros.schema.units import PRESSURE, STANDARD_ATMOSPHERE
 
 # The units of mapping files: one table for a rig on the wire and in a bag.
 PASCALS: dict[str, float] = PRESSURE
 REFERENCES = ("gauge", "absolute")
-AMBIENT = 101325.0
+AMBIENT = STANDARD_ATMOSPHERE
 
 
 @dataclass(frozen=True)
@@ -40,3 +40,8 @@ class PressureUnit:
     def from_pascal(self, gauge: float) -> float:
         """Return what the rig reads for a gauge pressure [Pa]."""
         return (gauge + (self.ambient if self.reference == "absolute" else 0.0)) / PASCALS[self.name]
+
+    @property
+    def step(self) -> float:
+        """One unit [Pa]."""
+        return PASCALS[self.name]

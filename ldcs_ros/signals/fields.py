@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import MappingError
-from ldcs_ros.signals.mapping import STANDARD_ATMOSPHERE
+from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"

@@ -9,9 +9,9 @@ import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
-from ldcs_ros.signals.mapping import STANDARD_ATMOSPHERE
 from ldcs_ros.signals.series import Series, clean
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.signals.tracks import (

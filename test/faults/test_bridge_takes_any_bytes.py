@@ -22,7 +22,8 @@ def test_the_bridge_counts_bytes_that_are_no_command_and_goes_on():
         load_scene("rig"), load_rig("controller_topics"), mode=RunMode.SHADOW, clock=time.monotonic
     )
     node = RigBridge.__new__(RigBridge)
-    node._bridge, node._commands = bridge, deque([*JUNK, pressure_command([1e5])])
+    heard = time.monotonic()
+    node._bridge, node._commands = bridge, deque((heard, cdr) for cdr in [*JUNK, pressure_command([1e5])])
     node._forward()
     assert bridge.gate.refused == {"malformed": len(JUNK), "mode": 1}
     assert bridge.gate.last_refusal.startswith("mode: ")

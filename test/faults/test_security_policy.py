@@ -127,7 +127,7 @@ def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
     # What comes last in each node's start.
     last = {
         ("ldcs_sim", "/ldcs"): "/ldcs/traces",
-        ("ldcs_bridge", "/ldcs"): "/rig/pressure_command",
+        ("ldcs_bridge", "/ldcs"): "/ldcs/residual/P1",
         ("mock_rig", "/"): "/mock_rig/chambers",
     }
     try:

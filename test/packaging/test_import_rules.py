@@ -37,7 +37,7 @@ ALLOWED = {
     "mock_rig": CORE | {"sensors", "messages", "rig"},
     "cli": CORE
     | {"bags", "messages", "twin", "signals", "plotting"}
-    | {"replay", "compare", "validate", "identify", "study", "viewing"},
+    | {"replay", "compare", "validate", "identify", "study", "viewing", "rig"},
     "ros": CORE | {"sensors", "bags", "messages", "twin", "rig", "mock_rig", "viewing"},
     "__main__": {"cli"},
     "__init__": CORE,

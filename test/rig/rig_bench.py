@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from ldcs_ros import load_scene
+from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.mock_rig.modbus_server import ModbusServer
 from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
@@ -16,7 +17,12 @@ from ldcs_ros.mock_rig.topics import Topics
 from ldcs_ros.rig.bridge import Bridge
 from ldcs_ros.rig.gate import GateState, Mode
 from ldcs_ros.rig.health import Health
+from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.output.stage import OutputStage
+from ldcs_ros.rig.output.topics import TopicDevice
+from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.rig_file import load_rig
+from ldcs_ros.rig.topic_link import TopicLink
 
 LIMIT = 140e3
 WORKING = 80e3
@@ -54,6 +60,39 @@ class HandClock:
         self.now += duration
 
 
+class InlineOutput(Link):
+    """An output stage in the test's own process; readings of the listener are read-backs of the device."""
+
+    commands = True
+
+    def __init__(self, device, limits, clock, listener):
+        super().__init__("topic output", clock)
+        self.stage = OutputStage(device, limits, clock, ARM_NAMES, commands=True)
+        self._listener = listener
+        self.connected = True
+        receive = listener.receive
+
+        def hear(topic, cdr):
+            before = len(listener._readings)
+            receive(topic, cdr)
+            for reading in list(listener._readings)[before:]:
+                if reading.kind != "position":
+                    device.report(reading.kind, reading.name, float(reading.value))
+
+        listener.receive = hear
+
+    def send(self, pressure, epoch):
+        self.stage.set_target(list(pressure), epoch, self.clock())
+
+    def vent(self, reason, epoch):
+        self.stage.vent(reason, epoch)
+
+    def work(self):
+        self.stage.step()
+        self.status = self.stage.exchange().status
+        self.connected, self.error = self.status.connected, self.status.error
+
+
 class Bench:
     """Rig and bridge. With a HandClock and topics nothing waits; else time is real and links have threads."""
 
@@ -70,12 +109,12 @@ class Bench:
         if not self.by_hand:
             self.stand.start()
         self.rig_file = load_rig(yaml.safe_load(self.stand.rig_file({})))
-        self.bridge = Bridge(scene, self.rig_file, mode=Mode(mode), clock=self.clock)
+        links = self._inline(Mode(mode)) if self.by_hand else None
+        self.bridge = Bridge(scene, self.rig_file, mode=Mode(mode), clock=self.clock, links=links)
         self.health = Health(self.bridge)
         for link in self.bridge.links:
             if link.name == "topics":
                 self._receive = link.receive
-                link.publish = lambda topic, cdr: self.topics.receive(cdr)
         if self.by_hand:
             self.bridge.intake.restart(self.clock())
         else:
@@ -103,7 +142,8 @@ class Bench:
                 self.rig.advance()
                 self.topics.work()
                 for link in self.bridge.links:
-                    link.work()
+                    if link.commands:
+                        link.work()
             else:
                 time.sleep(0.008)
             if until is not None and until():
@@ -113,7 +153,7 @@ class Bench:
 
     def pressurise(self):
         """Arm it and bring both arms to the working pressure."""
-        self.run(5.0, lambda: not self.bridge.obstacles())
+        self.run(5.0, lambda: not self.bridge.preconditions())
         self.bridge.arm()
         self.operator = [WORKING, WORKING]
         self.run(5.0, lambda: self.rig.pressure.min() > 0.9 * WORKING)
@@ -141,3 +181,19 @@ class Bench:
 
     def _to_bridge(self, topic, kind, cdr):
         self._receive(topic, cdr)
+
+    def _inline(self, mode):
+        """Links of a rig on topics without a process: the output stage is stepped by hand."""
+        (settings,) = self.rig_file.links
+        listener = TopicLink(settings.receive, self.clock)
+        if mode is not Mode.LIVE:
+            return [listener]
+        device = TopicDevice(
+            lambda values: self.topics.receive(pressure_command(np.array(values))),
+            settings.send.unit,
+            self.clock,
+            rate=settings.rate,
+            reads_back=True,
+        )
+        output = InlineOutput(device, self.rig_file.limits, self.clock, listener)
+        return [listener, output]

@@ -78,7 +78,7 @@ def test_the_operator_sees_each_fault_and_the_arms_vent_in_time(transport, fault
         entry, level, words = ON_THE_WIRE.get(transport, {}).get(fault, SEEN[fault])
         assert seen[entry][0] == level and words in seen[entry][1], seen
         assert bench.vented
-        assert bench.bridge.gate.setpoint.tolist() == [0.0, 0.0]
+        assert bench.bridge.gate.setpoint == (0.0, 0.0)
         bench.check_limits()
     finally:
         bench.close()
@@ -92,7 +92,7 @@ def test_a_silent_operator_vents_the_arms_in_time(transport):
         bench.pressurise()
         bench.operator = None
         bench.run(limits.command_timeout + limits.vent_time, bench.is_empty)
-        assert bench.seen()["gate"] == (ERROR, "vented: no command for 0.4 s; call arm when it is mended")
+        assert bench.seen()["gate"] == (ERROR, "vented: no command for 0.4 s; call arm after the repair")
         bench.check_limits()
     finally:
         bench.close()
@@ -105,7 +105,7 @@ def test_after_a_lost_connection_it_comes_back_and_arms_only_when_asked():
         bench.rig.faults.set("drop", True)
         bench.run(2.0, bench.is_empty)
         bench.rig.faults.set("drop", False)
-        bench.run(3.0, lambda: not bench.bridge.obstacles())
+        bench.run(3.0, lambda: not bench.bridge.preconditions())
         assert bench.is_empty() and bench.vented and "vented" in bench.refused
         bench.bridge.arm()
         bench.run(3.0, lambda: bench.rig.pressure.min() > 0.8 * WORKING)
@@ -143,7 +143,7 @@ def test_an_operator_cannot_exceed_the_limits(clock):
     for wrong in ([float("nan")] * 2, [float("inf")] * 2, [LIMIT * 1.01] * 2, [-1.0] * 2, [1e4] * 3):
         bench.operator = wrong
         bench.run(0.05)
-        assert bench.bridge.gate.setpoint.tolist() == [WORKING, WORKING]
+        assert bench.bridge.gate.setpoint == (WORKING, WORKING)
     bench.run(0.5)
     assert bench.vented, "refused commands do not feed the watchdog"
     bench.check_limits()

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import encode, header, message_class
-from ldcs_ros.rig import line_protocol
 from ldcs_ros.rig.clocks import ClockEstimate
 from ldcs_ros.rig.intake import Intake
-from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.output import line_protocol
 from ldcs_ros.rig.reading import Reading
 from ldcs_ros.rig.rig_file import load_rig, shipped_rigs
 from ldcs_ros.rig.topic_link import Incoming, TopicLink
@@ -124,7 +123,7 @@ def test_a_stuck_valve_and_a_leak_are_told_apart():
 
 
 def topic_link(clock, **rule):
-    return TopicLink((Incoming(**rule),), None, Limits(), clock)
+    return TopicLink((Incoming(**rule),), clock)
 
 
 def test_ros_types_give_readings_in_si(clock):

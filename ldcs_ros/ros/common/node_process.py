@@ -13,11 +13,14 @@ from typing import Any, Protocol
 
 from ldcs_ros.errors import LdcsError
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+"""Ctrl-C, an orderly end, a closed terminal, Ctrl-\\: each ends the node in order."""
+IGNORED_SIGNALS = (signal.SIGUSR1, signal.SIGUSR2)
+"""By default they would kill the process, and with it the order of its end."""
 
 
 class StopSignals:
-    """Notes that somebody wants the process to end; nothing is interrupted.
+    """A note that the process is asked to end; nothing is interrupted.
 
     Under make or `ros2 run` a Ctrl-C comes twice: the second one must not cut short what the first one began.
 
@@ -32,6 +35,8 @@ class StopSignals:
         self.loading = True
         for number in STOP_SIGNALS:
             signal.signal(number, self._handle)
+        for number in IGNORED_SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
     def ignore(self) -> None:
         """Ignore further signals: the interpreter, while it ends, would let them kill the process."""
@@ -141,6 +146,11 @@ def _run(
                 if not rclpy.ok():
                     raise
                 node.get_logger().error(traceback.format_exc())
+        before = node.failure
+        node.stop()
+        if node.failure != before:
+            # The end itself failed: the last line on the terminal says so.
+            print(f"{name}: {node.failure}", file=sys.stderr, flush=True)
         return 1 if node.failure else 0
     finally:
         if node is not None:

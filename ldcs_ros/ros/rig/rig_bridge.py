@@ -12,6 +12,7 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import MessageInfo
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -21,15 +22,18 @@ from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.diagnostics import ERROR, OK, Status
 from ldcs_ros.messages.topics import Topic
 from ldcs_ros.rig.bridge import Bridge, mode_of
+from ldcs_ros.rig.gate import GateState
 from ldcs_ros.rig.health import Health, headline
 from ldcs_ros.rig.rig_bag import RigBag
-from ldcs_ros.rig.rig_file import load_rig
+from ldcs_ros.rig.rig_file import RigFile, load_rig
 from ldcs_ros.rig.topic_link import TopicLink
+from ldcs_ros.rig.vent import vent_rig
 from ldcs_ros.ros.common.optional import message_type
 from ldcs_ros.ros.common.parameters import WholeParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
 from ldcs_ros.ros.common.transport import TopicTransport
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
+from ldcs_ros.ros.rig.throttled_log import ThrottledLog
 from ldcs_ros.ros.sim.runner import PeriodicTask
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
@@ -39,6 +43,8 @@ DEFAULT_NAMESPACE = "/ldcs"
 PERIOD = 0.01
 DIAGNOSTICS_PERIOD = 1.0
 STATUS_PERIOD = 2.0
+VENT = "vent"
+_LONGEST_PASS = 1.0  # s: a pass of the loop that takes longer is not waited for at the end
 
 
 class RigBridge(Node):
@@ -58,14 +64,19 @@ class RigBridge(Node):
             self.get_logger().warning(validation_error)
         self._whole_parameters = WholeParameterService(self)
         self.finished = threading.Event()
+        self._stopping = threading.Event()
         self.failure = ""
         self._lock = threading.Lock()
-        self._commands: deque[bytes] = deque(maxlen=100)
+        self._commands: deque[tuple[float, bytes]] = deque(maxlen=100)
         if not self._value("rig"):
             raise BridgeError("which rig? Give its file: --ros-args -p rig:=my_rig.yaml")
+        rig = load_rig(self._value("rig"))
+        if self._value("mode") == VENT:
+            self._vent(rig)
+            return
         self._bridge = Bridge(
             load_scene(self._value("scene")),
-            load_rig(self._value("rig")),
+            rig,
             mode=mode_of(self._value("mode")),
             clock=time.monotonic,
             settings=RunSettings(publish_rate=self._value("publish_rate"), accuracy=self._value("accuracy")),
@@ -77,7 +88,7 @@ class RigBridge(Node):
         self._recorder: Recorder | None = None
         self._record()
         self._join_graph()
-        self._stopping = threading.Event()
+        self._log = ThrottledLog(self.get_logger(), time.monotonic)
         self._thread = threading.Thread(target=self._run, name="bridge", daemon=True)
         self._bridge.start()
         self._thread.start()
@@ -87,11 +98,25 @@ class RigBridge(Node):
         if self._stopping.is_set():
             return
         self._stopping.set()
-        self._thread.join()
+        # The output process vents on its own when this thread hangs.
+        self._thread.join(_LONGEST_PASS)
         self._bridge.stop()
+        if self._bridge.unvented:
+            self.failure = f"{self._bridge.unvented}; cut the supply"
         if self._recorder is not None:
             self._recorder.close()
         self._transport.close()
+
+    def _vent(self, rig: RigFile) -> None:
+        """Vent the rig and finish: the mode of an operator who has nothing else."""
+        self._stopping.set()
+        left = vent_rig(rig, show=lambda line: print(line, file=sys.stderr, flush=True))
+        if left:
+            self.failure = f"{left}; cut the supply"
+            self.get_logger().error(self.failure)
+        else:
+            self.get_logger().info("vented: the rig confirmed a set-point of zero")
+        self.finished.set()
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -133,19 +158,19 @@ class RigBridge(Node):
             for topic, rule in link.incoming.items():
                 callback = partial(link.receive, topic)
                 self.create_subscription(message_type(rule.type), topic, callback, listening, raw=True)
-            if link.outgoing is not None:
-                publisher = self.create_publisher(Float64MultiArray, link.outgoing.topic, 10)
-                link.publish = lambda topic, cdr, publisher=publisher: publisher.publish(cdr)  # type: ignore[misc]
         self.create_service(Trigger, "~/arm", self._arm)
         self.create_service(Trigger, "~/disarm", self._disarm)
 
-    def _hear(self, cdr: bytes) -> None:
-        self._commands.append(cdr)
+    def _hear(self, cdr: bytes, info: MessageInfo) -> None:
+        # A command waits in the queue of DDS while this process is stopped or starved: that age counts.
+        waited = max(time.time_ns() - info["received_timestamp"], 0) * 1e-9
+        self._commands.append((time.monotonic() - waited, cdr))
 
     def _arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             try:
                 self._bridge.arm()
+                self._commands.clear()
                 response.success, response.message = True, "armed: commands go to the rig"
             except BridgeError as error:
                 response.success, response.message = False, str(error)
@@ -153,8 +178,14 @@ class RigBridge(Node):
 
     def _disarm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
-            armed = self._bridge.gate.disarm()
-        response.success, response.message = armed, "venting" if armed else "it was not armed"
+            self._bridge.gate.disarm()
+            state = self._bridge.gate.state
+        response.success = state is GateState.VENTED
+        response.message = (
+            "venting; diagnostics tell when zero is confirmed"
+            if response.success
+            else f"mode {self._bridge.mode.value} commands nothing"
+        )
         return response
 
     def _run(self) -> None:
@@ -176,6 +207,7 @@ class RigBridge(Node):
             with self._lock:
                 self._forward()
                 self._bridge.step()
+                self._announce()
                 for task in periodic_tasks:
                     task.run_if_due()
             if 0.0 < duration <= self._bridge.twin.time:
@@ -187,13 +219,19 @@ class RigBridge(Node):
 
     def _forward(self) -> None:
         while self._commands:
-            cdr = self._commands.popleft()
+            heard, cdr = self._commands.popleft()
             try:
-                self._bridge.command(decode("std_msgs/msg/Float64MultiArray", cdr).data)
+                self._bridge.command(decode("std_msgs/msg/Float64MultiArray", cdr).data, heard)
             except BridgeError:
-                pass  # counted by the gate, told in the diagnostics
+                pass  # counted by the gate, and logged with its reason
             except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
                 self._bridge.gate.count_refusal("malformed", f"not a Float64MultiArray ({error!r})")
+
+    def _announce(self) -> None:
+        """Log each trip, and each kind of refusal at most once in a while."""
+        gate = self._bridge.gate
+        self._log.trip(gate.reason, gate.trips)
+        self._log.refusals(gate.refused, gate.last_refusal)
 
     def _diagnose(self) -> None:
         statuses = [*self._health.read(), self._recording()]

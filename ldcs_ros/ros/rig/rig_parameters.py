@@ -18,7 +18,8 @@ _BRIDGE = (
     NodeParameter(
         "mode",
         "shadow",
-        "shadow: listen only; mirror: pull an estimate to the sensors; live: forward commands.",
+        "shadow: listen only; mirror: pull an estimate to the sensors; live: forward commands; "
+        "vent: ramp the set-points to zero, wait until the rig confirms it, and end.",
     ),
     NodeParameter(
         "record", "", "Folder for the bags <record>/twin and <record>/rig; it must not exist. Empty for none."

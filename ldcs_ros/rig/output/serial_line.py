@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ldcs_ros.errors import LinkError
-from ldcs_ros.rig import line_protocol
-from ldcs_ros.rig.clocks import ClockEstimate
-from ldcs_ros.rig.limits import Limits
-from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.limits import Pressures
+from ldcs_ros.rig.output import line_protocol
+from ldcs_ros.rig.output.device import Device
 from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.units import PressureUnit
 
+_LONGEST_NUMBER = 15
 _MOST_UNANSWERED = 200
 
 
 @dataclass(frozen=True)
 class SerialSettings:
-    """How a controller is connected.
+    """The settings of a serial line.
 
     Attributes:
         port: Device file, for example /dev/ttyUSB0.
-        baud: Bits a second.
-        rate: Exchanges a second [Hz].
+        baud: Bits per second.
+        rate: Exchanges per second [Hz].
         unit: Unit of the pressures in the lines.
     """
 
@@ -36,17 +35,15 @@ class SerialSettings:
     unit: PressureUnit = PressureUnit("mbar")
 
 
-class SerialLink(Link):
-    """Reads status lines as they come, and writes set-points when there are any; in shadow it writes nothing."""
+class SerialDevice(Device):
+    """A controller that sends status lines as they come, and takes set-points; without them nothing is written."""
 
-    def __init__(self, settings: SerialSettings, limits: Limits, clock: Callable[[], float]) -> None:
-        super().__init__("serial", limits, clock, settings.rate)
+    def __init__(self, settings: SerialSettings, clock: Callable[[], float]) -> None:
+        super().__init__("serial", clock, settings.rate, 1e-3 * settings.unit.step)
         self._settings = settings
         self._port: Any = None
         self._buffer = line_protocol.LineBuffer()
         self._unanswered: dict[int, float] = {}
-        self.clock_estimate = ClockEstimate()
-        self.refusals = 0
 
     def open(self) -> None:
         import serial
@@ -60,14 +57,13 @@ class SerialLink(Link):
         self._buffer = line_protocol.LineBuffer()
 
     def close(self) -> None:
-        if self._port is not None:
-            try:
-                self._port.close()
-            except OSError:
-                pass  # the device went away: there is nothing left to close
-            self._port = None
+        port, self._port = self._port, None
+        if port is not None:
+            # A device that went away leaves nothing to close.
+            with contextlib.suppress(OSError):
+                port.close()
 
-    def exchange(self, setpoint: np.ndarray | None) -> None:
+    def exchange(self, setpoint: Pressures | None) -> None:
         import serial
 
         try:
@@ -80,35 +76,40 @@ class SerialLink(Link):
             self.record(raw + b"\n", sent=False)
             try:
                 self._take(line_protocol.fields(raw))
-            except (ValueError, IndexError):
+            except (ValueError, IndexError, OverflowError):
                 self.malformed += 1
 
-    def _send(self, setpoint: np.ndarray) -> None:
-        self.beats += 1
+    def _send(self, setpoint: Pressures) -> None:
+        self.heartbeats += 1
         # Three decimals, cut off, not rounded: a set-point must not leave above its limit.
-        values = [int(self._settings.unit.from_pascal(float(value)) * 1e3) / 1e3 for value in setpoint]
-        data = line_protocol.line("P", self.beats, *values)
-        self._unanswered[self.beats] = self.clock()
+        values = [int(self._settings.unit.from_pascal(value) * 1e3) / 1e3 for value in setpoint]
+        data = line_protocol.line("P", self.heartbeats, *values)
+        self._unanswered[self.heartbeats] = self.clock()
         if len(self._unanswered) > _MOST_UNANSWERED:
             del self._unanswered[min(self._unanswered)]
         self.record(data, sent=True)
         self._port.write(data)
 
     def _take(self, fields: list[str]) -> None:
-        kind, number, stamp = fields[0], int(fields[1]), int(fields[2]) * 1e-3
+        if max(map(len, fields[1:7])) > _LONGEST_NUMBER and fields[0] != "E":
+            raise ValueError("a number has too many digits")
+        kind, number, stamp = fields[0], int(fields[1][:20]), int(fields[2][:20]) * 1e-3
         if kind == "S":
             values = [float(text) for text in fields[3:7]]
             if len(values) != 2 * len(ARM_NAMES):
                 raise ValueError("a status has four pressures")
-            pascals = [np.array(self._settings.unit.to_pascal(value)) for value in values]
+            pascals = [self._settings.unit.to_pascal(value) for value in values]
             for arm, setting, actual in zip(ARM_NAMES, pascals[:2], pascals[2:], strict=True):
                 self.report("pressure_command", arm, setting, stamp=stamp)
                 self.report("pressure", arm, actual, stamp=stamp)
             return
-        sent = self._unanswered.pop(number, None)
-        if sent is not None and self.clock_estimate is not None:
-            self.clock_estimate.round_trip(sent, stamp, self.clock())
-        if kind == "E":
-            self.refusals += 1
-        elif kind != "A":
+        if kind not in ("A", "E"):
             raise ValueError(f"unknown line {kind!r}")
+        sent = self._unanswered.pop(number, None)
+        if sent is None:
+            return
+        self.round_trip(sent, stamp, self.clock())
+        if kind == "A":
+            self.acknowledge()
+        else:
+            self.refuse(" ".join(fields[3:])[:80])

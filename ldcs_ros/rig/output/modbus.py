@@ -7,12 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ldcs_ros.errors import LinkError
-from ldcs_ros.rig.clocks import ClockEstimate
-from ldcs_ros.rig.limits import Limits
-from ldcs_ros.rig.link import Link
+from ldcs_ros.rig.limits import Limits, Pressures
+from ldcs_ros.rig.output.device import Device
 from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.units import PressureUnit
 
@@ -22,7 +19,7 @@ _MILLISECONDS_A_TURN = 2**32
 
 @dataclass(frozen=True)
 class ModbusMap:
-    """Where a valve island keeps what.
+    """A map of the registers of a valve island.
 
     Attributes:
         host: Its address.
@@ -49,21 +46,22 @@ class ModbusMap:
     heartbeat: int = -1
 
 
-class ModbusLink(Link):
-    """Polls the island, and writes set-points when there are any; a written number never exceeds the asked one."""
+class ModbusDevice(Device):
+    """A valve island that is polled, and written when there are set-points.
+
+    A written number never exceeds the asked one.
+    """
 
     def __init__(self, registers: ModbusMap, limits: Limits, clock: Callable[[], float]) -> None:
-        super().__init__("modbus", limits, clock, registers.rate)
+        super().__init__("modbus", clock, registers.rate, registers.unit.step)
         self._map = registers
         self._client: Any = None
         self._highest = min(int(registers.unit.from_pascal(limits.pressure)), _HIGHEST_REGISTER)
-        if registers.clock >= 0:
-            self.clock_estimate = ClockEstimate()
 
     def open(self) -> None:
         from pymodbus.client import ModbusTcpClient
 
-        # Its own log would repeat every failed attempt; the diagnostics say it once a second.
+        # Its own log would repeat every failed attempt; the diagnostics say it once per second.
         logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
         self._client = ModbusTcpClient(
             self._map.host,
@@ -78,38 +76,46 @@ class ModbusLink(Link):
             )
 
     def close(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
 
-    def exchange(self, setpoint: np.ndarray | None) -> None:
+    def exchange(self, setpoint: Pressures | None) -> None:
         if setpoint is not None:
             self._write(setpoint)
         registers = self._map
-        wanted = self._ask("read_holding_registers", registers.setpoint, count=len(ARM_NAMES))
-        sent = self.clock()
-        actual = self._ask("read_input_registers", registers.actual, count=len(ARM_NAMES))
+        wanted = self._read("read_holding_registers", registers.setpoint, len(ARM_NAMES))
+        actual = self._read("read_input_registers", registers.actual, len(ARM_NAMES))
         stamp = None
         if registers.clock >= 0:
             sent = self.clock()
-            high, low = self._ask("read_input_registers", registers.clock, count=2)
+            high, low = self._read("read_input_registers", registers.clock, 2)
             stamp = ((high << 16 | low) % _MILLISECONDS_A_TURN) * 1e-3
-            assert self.clock_estimate is not None
-            self.clock_estimate.round_trip(sent, stamp, self.clock())
+            self.round_trip(sent, stamp, self.clock())
         for name, setting, pressure in zip(ARM_NAMES, wanted, actual, strict=True):
             self.report("pressure_command", name, self._pascal(setting), stamp=stamp)
             self.report("pressure", name, self._pascal(pressure), stamp=stamp)
 
-    def _write(self, setpoint: np.ndarray) -> None:
+    def _write(self, setpoint: Pressures) -> None:
         # Rounded down: rounding must not lift a set-point over its limit.
-        values = [int(self._map.unit.from_pascal(float(value))) for value in setpoint]
+        values = [int(self._map.unit.from_pascal(value)) for value in setpoint]
         values = [min(max(value, 0), self._highest) for value in values]
         self._ask("write_registers", self._map.setpoint, values)
+        self.acknowledge()
+        self.heartbeats += 1
         if self._map.heartbeat >= 0:
-            self.beats += 1
-            self._ask("write_register", self._map.heartbeat, self.beats & 0xFFFF)
+            self._ask("write_register", self._map.heartbeat, self.heartbeats & 0xFFFF)
 
-    def _ask(self, request: str, *arguments: Any, **keywords: Any) -> list[int]:
+    def _read(self, request: str, address: int, count: int) -> list[int]:
+        registers = list(self._ask(request, address, count=count).registers)
+        if len(registers) != count:
+            raise LinkError(
+                f"the valve island answers {request} at register {address} "
+                f"with {len(registers)} registers, expected {count}"
+            )
+        return registers
+
+    def _ask(self, request: str, *arguments: Any, **keywords: Any) -> Any:
         from pymodbus.exceptions import ModbusException
 
         try:
@@ -118,11 +124,11 @@ class ModbusLink(Link):
             raise LinkError(f"the valve island does not answer: {str(error).splitlines()[0]}") from error
         if answer.isError():
             raise LinkError(f"the valve island refuses {request} at register {arguments[0]}: {answer}")
-        return list(answer.registers)
+        return answer
 
-    def _pascal(self, register: int) -> np.ndarray:
+    def _pascal(self, register: int) -> float:
         signed = register - 0x10000 if register > _HIGHEST_REGISTER else register
-        return np.array(self._map.unit.to_pascal(float(signed)))
+        return self._map.unit.to_pascal(float(signed))
 
     def _trace(self, sending: bool, data: bytes) -> bytes:
         if data:

@@ -1,0 +1,172 @@
+"""The process of the output stage: a socket to the bridge on one side, the device on the other."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.output.device import Device
+from ldcs_ros.rig.output.modbus import ModbusDevice, ModbusMap
+from ldcs_ros.rig.output.serial_line import SerialDevice, SerialSettings
+from ldcs_ros.rig.output.stage import ORPHAN_PATIENCE, OutputStage
+from ldcs_ros.rig.units import PressureUnit
+
+UNCONFIRMED = 3
+"""Exit status when the rig confirmed no zero."""
+IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGPIPE)
+_LONGEST_WAIT = 0.05
+
+Settings = dict[str, Any]
+
+
+class Channel:
+    """JSON lines over a socket; what the other side does not fetch is dropped, never waited for.
+
+    Attributes:
+        lost: Whether the other side is gone.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._socket = connection
+        self._socket.setblocking(False)
+        self._received = b""
+        self._pending = b""
+        self.lost = False
+
+    def fileno(self) -> int:
+        """Return the file descriptor, for select."""
+        return self._socket.fileno()
+
+    def receive(self) -> list[dict[str, Any]]:
+        """Return the whole messages that have come; never blocks."""
+        while True:
+            try:
+                data = self._socket.recv(1 << 16)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            if not data:
+                self.lost = True
+                break
+            self._received += data
+        *lines, self._received = self._received.split(b"\n")
+        return [json.loads(line) for line in lines if line]
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Send a message, or drop it while an earlier one is still on its way."""
+        self._flush()
+        if not self._pending and not self.lost:
+            self._pending = json.dumps(message).encode() + b"\n"
+            self._flush()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _flush(self) -> None:
+        while self._pending:
+            try:
+                self._pending = self._pending[self._socket.send(self._pending) :]
+            except BlockingIOError:
+                return
+            except OSError:
+                self._pending, self.lost = b"", True
+
+
+def wire_device(kind: str, settings: Settings, limits: Limits, clock: Callable[[], float]) -> Device:
+    """Return the device of a rig file's Modbus or serial link."""
+    unit = PressureUnit(**settings.pop("unit"))
+    if kind == "modbus":
+        return ModbusDevice(ModbusMap(**settings, unit=unit), limits, clock)
+    return SerialDevice(SerialSettings(**settings, unit=unit), clock)
+
+
+def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) -> int:
+    """Run the stage that the first message describes, until zero is confirmed or patience ends.
+
+    The first argument of the process is the number of the inherited socket. A standby process waits with
+    everything loaded, so that it vents at once when the process before it is lost.
+
+    Args:
+        make: Makes the device of a kind from settings, limits and a steady clock.
+
+    Returns:
+        0 after a confirmed zero, or where nothing was ever to be written; UNCONFIRMED otherwise.
+    """
+    for number in IGNORED:
+        signal.signal(number, signal.SIG_IGN)
+    terminated: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, frame: terminated.append(number))
+    # Where it is allowed, the process that vents runs before those that compute.
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, -10)
+    channel = Channel(socket.socket(fileno=int(sys.argv[1])))
+    start = _first(channel, "link", terminated)
+    if start is None:
+        return 0
+    limits = Limits(**start["limits"])
+    device = make(start["link"], start["settings"], limits, time.monotonic)
+    begin = _first(channel, "begin", terminated)
+    if begin is None:
+        return 0
+    stage = OutputStage(device, limits, time.monotonic, tuple(start["arms"]), commands=start["commands"])
+    if begin["begin"] == "vent":
+        stage.vent(begin["reason"], begin["epoch"])
+    return _run(stage, channel, terminated)
+
+
+def _first(channel: Channel, key: str, terminated: list[int]) -> dict[str, Any] | None:
+    """Return the first message with a key, or None when none can come any more."""
+    while not terminated and not channel.lost:
+        select.select([channel], [], [], 1.0)
+        for message in channel.receive():
+            if key in message:
+                return message
+    return None
+
+
+def _run(stage: OutputStage, channel: Channel, terminated: list[int]) -> int:
+    due = time.monotonic()
+    lost = False
+    while not stage.ended:
+        wait = min(max(due - time.monotonic(), 0.0), _LONGEST_WAIT)
+        if lost:
+            time.sleep(wait)
+        else:
+            select.select([channel], [], [], wait)
+            for message in channel.receive():
+                _obey(stage, message)
+        if not lost and (channel.lost or terminated):
+            lost = channel.lost
+            why = "the bridge is gone" if channel.lost else "the output process was told to end"
+            stage.end(why, ORPHAN_PATIENCE)
+            terminated.clear()
+            if stage.commands and lost:
+                print(f"output: {why}; the arms are vented", file=sys.stderr, flush=True)
+        now = time.monotonic()
+        if now >= due:
+            due = max(due + stage.step(), now)
+            channel.send(stage.exchange().as_dict())
+    if lost and not stage.confirmed:
+        holding = stage.monitor.holding() or "the arms may hold pressure"
+        print(f"output: no zero was confirmed: {holding}; cut the supply", file=sys.stderr, flush=True)
+    return 0 if stage.confirmed else UNCONFIRMED
+
+
+def _obey(stage: OutputStage, message: dict[str, Any]) -> None:
+    if "target" in message:
+        stage.set_target(message["target"], message["epoch"], message["time"])
+    elif "vent" in message:
+        stage.vent(message["vent"], message["epoch"])
+    elif "end" in message:
+        stage.end(message["end"], message["patience"])

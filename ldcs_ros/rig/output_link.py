@@ -1,0 +1,236 @@
+"""`OutputLink`: the bridge's end of an output process; it starts, watches, replaces and ends the process."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import select
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ldcs_ros.rig.clocks import ClockEstimate
+from ldcs_ros.rig.limits import Limits, Pressures
+from ldcs_ros.rig.link import Link, RawFrame
+from ldcs_ros.rig.output.process import Channel
+from ldcs_ros.rig.output.stage import Exchange, OutputStatus
+from ldcs_ros.rig.reading import ARM_NAMES, Reading
+
+WIRE_PROGRAM = "ldcs_ros.rig.output"
+_LOOK = 0.05
+_LONGEST_SILENCE = 1.0  # s: an exchange with a device that answers late takes less
+_ENDING = 1.0  # s beyond the time of a vent, for the process to end
+
+
+class _Process:
+    """One output process and the channel to it."""
+
+    def __init__(self, program: str, description: dict[str, Any]) -> None:
+        ours, theirs = socket.socketpair()
+        # A session of its own: Ctrl-C, a closed terminal and a lost ssh reach the bridge alone.
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", program, str(theirs.fileno()), *_ros_arguments(sys.argv)],
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        theirs.close()
+        self.channel = Channel(ours)
+        self.channel.send(description)
+
+    def begin(self, how: dict[str, Any]) -> None:
+        """Let the standby process take the device."""
+        self.channel.send(how)
+
+    def kill(self) -> None:
+        """End the process at once; a process that is stopped cannot vent, and the next one must have the device."""
+        self.process.kill()
+        self.process.wait()
+        self.channel.close()
+
+    def dismiss(self) -> None:
+        """End a standby process, which never had the device."""
+        self.channel.close()
+        try:
+            self.process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+
+def _ros_arguments(words: list[str]) -> list[str]:
+    """Return the ROS arguments of this process that hold for the output process: enclave and remapped topics."""
+    kept = []
+    for word, value in itertools.pairwise(words):
+        node = value.split(":=")[0].split(":")[-1] in ("__node", "__name")
+        if word in ("--enclave", "-e") or (word in ("--remap", "-r") and not node):
+            kept += [word, value]
+    return ["--ros-args", *kept] if kept else []
+
+
+class OutputLink(Link):
+    """A link through an output process, with a standby process that takes over by a vent.
+
+    Args:
+        name: Name in diagnostics and in the bag.
+        kind: Kind of the device: 'modbus', 'serial' or 'topics'.
+        settings: Settings of the device.
+        limits: Limits that hold.
+        clock: Steady clock [s].
+        commands: Whether it may write.
+        program: Module that the process runs.
+        has_clock: Whether the rig answers with stamps.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        settings: Any,
+        limits: Limits,
+        clock: Callable[[], float],
+        *,
+        commands: bool,
+        program: str = WIRE_PROGRAM,
+        has_clock: bool = False,
+    ) -> None:
+        super().__init__(name, clock)
+        self.commands = commands
+        self.clock_estimate = ClockEstimate() if has_clock else None
+        self._limits, self._program = limits, program
+        self._description = {
+            "link": kind,
+            "settings": dataclasses.asdict(settings),
+            "limits": dataclasses.asdict(limits),
+            "arms": list(ARM_NAMES),
+            "commands": commands,
+        }
+        self._lock = threading.Lock()
+        self._active: _Process | None = None
+        self._standby: _Process | None = None
+        self._epoch = 0
+        self._lost_reason = ""
+        self._ending = False
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self, *, vent: str = "") -> None:
+        """Start the processes; with a reason to vent, the first act is a vent."""
+        with self._lock:
+            self._active = _Process(self._program, self._description)
+            self._active.begin(self._beginning(vent))
+            if self.commands:
+                self._standby = _Process(self._program, self._description)
+        self._thread = threading.Thread(target=self._watch, name=f"link {self.name}", daemon=True)
+        self._thread.start()
+
+    def send(self, pressure: Pressures, epoch: int) -> None:
+        """Hand set-points of an armed gate to the output process: gauge [Pa], one for each arm, and their epoch."""
+        self._epoch = max(self._epoch, epoch)
+        self._tell({"target": list(pressure), "epoch": epoch, "time": self.clock()})
+
+    def vent(self, reason: str, epoch: int) -> None:
+        """Let the output process ramp to zero and stay there."""
+        self._epoch = max(self._epoch, epoch)
+        self._tell({"vent": reason, "epoch": self._epoch})
+
+    def stop(self) -> str:
+        """Vent where it may write, end the processes; return which arms may hold pressure, '' for none."""
+        if self._thread is None:
+            return ""
+        self._ending = True
+        patience = self._limits.command_timeout + self._limits.vent_time
+        self._tell({"end": "the bridge ends", "patience": patience})
+        deadline = time.monotonic() + patience + _ENDING
+        while time.monotonic() < deadline and self._active is not None:
+            if self._active.process.poll() is not None:
+                break
+            time.sleep(0.01)
+        self._stopping.set()
+        self._thread.join(2.0)
+        with self._lock:
+            return self._finish()
+
+    def _finish(self) -> str:
+        active, self._active = self._active, None
+        standby, self._standby = self._standby, None
+        if standby is not None:
+            standby.dismiss()
+        if active is None:
+            return f"{self.name}: the output process is lost" if self.commands else ""
+        code = active.process.poll()
+        if code is None:
+            active.kill()
+        else:
+            active.channel.close()
+        if code == 0 or not self.commands:
+            return ""
+        holding = self.status.holding or "the arms may hold pressure"
+        return f"{self.name}: no zero was confirmed ({self.status.error or 'no answer to it'}); {holding}"
+
+    def _beginning(self, vent: str) -> dict[str, Any]:
+        return {"begin": "vent" if vent else "idle", "reason": vent, "epoch": self._epoch}
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        with self._lock:
+            if self._active is not None:
+                self._active.channel.send(message)
+
+    def _watch(self) -> None:
+        """Take what the process sends; replace it when it ends or says nothing."""
+        silence = 0.0
+        while not self._stopping.is_set():
+            with self._lock:
+                active = self._active
+            if active is None:
+                return
+            # Silence is counted in waits: time in which the bridge itself was stopped does not count.
+            if select.select([active.channel], [], [], _LOOK)[0]:
+                silence = 0.0
+                for message in active.channel.receive():
+                    self._take(Exchange.from_dict(message))
+                if active.channel.lost and not self._ending:
+                    self._replace(active, f"the output process ended (status {active.process.poll()})")
+                elif active.channel.lost:
+                    return
+            else:
+                silence += _LOOK
+                if silence > _LONGEST_SILENCE and not self._ending:
+                    self._replace(active, f"the output process was silent for {silence:.1f} s")
+                    silence = 0.0
+
+    def _replace(self, active: _Process, why: str) -> None:
+        active.kill()
+        with self._lock:
+            self.replaced += 1
+            self.connected, self.error = False, why
+            replacement = self._standby if self.commands else None
+            if replacement is None or replacement.process.poll() is not None:
+                replacement = _Process(self._program, self._description)
+            replacement.begin(self._beginning(why if self.commands else ""))
+            self._active = replacement
+            if self.commands:
+                self._standby = _Process(self._program, self._description)
+
+    def _take(self, exchange: Exchange) -> None:
+        self.take_status(exchange.status)
+        for sent, stamp, received in exchange.round_trips:
+            if self.clock_estimate is not None:
+                self.clock_estimate.round_trip(sent, stamp, received)
+        for raw in exchange.readings:
+            self._readings.append(
+                Reading(raw.kind, raw.arm, np.array(raw.value), raw.heard, self.name, raw.stamp)
+            )
+        for packet in exchange.packets:
+            self._frames.append(RawFrame(self.name, packet.sent, packet.data, packet.time))
+
+    def take_status(self, status: OutputStatus) -> None:
+        """Take the status of the output stage."""
+        self.status = status
+        self.connected, self.error = status.connected, status.error
+        self.drops, self.malformed, self.heartbeats = status.drops, status.malformed, status.heartbeats

@@ -1,0 +1,51 @@
+"""Trips and refusals of the gate as log lines, so that terminal and /rosout say what the diagnostics say."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+PERIOD = 2.0
+"""Shortest time between two lines on one kind of refusal [s]."""
+
+
+class Logger(Protocol):
+    """A ROS logger."""
+
+    def warning(self, message: str) -> object:
+        """Log a warning."""
+
+    def error(self, message: str) -> object:
+        """Log an error."""
+
+
+class ThrottledLog:
+    """A log of what an operator must hear: each trip as an ERROR, each kind of refusal as a WARN now and then.
+
+    Args:
+        logger: Logger of the node.
+        clock: Steady clock [s].
+    """
+
+    def __init__(self, logger: Logger, clock: Callable[[], float]) -> None:
+        self._logger, self._clock = logger, clock
+        self._trips = 0
+        self._logged: Counter[str] = Counter()
+        self._logged_at: dict[str, float] = {}
+
+    def trip(self, reason: str, count: int) -> None:
+        """Log the latest trip, unless it was logged: its reason, and the number of trips so far."""
+        if count > self._trips:
+            self._trips = count
+            self._logger.error(f"vented: {reason}; call arm after the repair")
+
+    def refusals(self, refused: Counter[str], last: str) -> None:
+        """Log what was refused since the last line: counts by kind, and the latest refusal in words."""
+        now = self._clock()
+        for kind, count in refused.items():
+            new = count - self._logged[kind]
+            if new and now - self._logged_at.get(kind, -PERIOD) >= PERIOD:
+                self._logged[kind], self._logged_at[kind] = count, now
+                detail = last if last.startswith(f"{kind}: ") else kind
+                self._logger.warning(f"{new} command{'s' * (new > 1)} refused, {detail}")

@@ -1,0 +1,14 @@
+"""Units of pressure, as factors to SI; this module imports nothing, so that a small process can use it."""
+
+from __future__ import annotations
+
+PRESSURE = {
+    "Pa": 1.0,
+    "hPa": 1e2,
+    "mbar": 1e2,
+    "kPa": 1e3,
+    "bar": 1e5,
+    "psi": 6894.757293168361,  # a pound-force, 4.4482216152605 N, on a square inch
+}
+STANDARD_ATMOSPHERE = 101325.0
+"""Pressure of the surrounding air where a source names none [Pa]."""
