@@ -25,6 +25,7 @@ from ldcs_ros.rig.reading import ARM_NAMES, Reading
 WIRE_PROGRAM = "ldcs_ros.rig.output"
 _LOOK = 0.05
 _LONGEST_SILENCE = 1.0  # s: an exchange with a device that answers late takes less
+_LONGEST_START = 20.0  # s: a process that loads ROS on a busy machine takes less
 _ENDING = 1.0  # s beyond the time of a vent, for the process to end
 
 
@@ -43,6 +44,7 @@ class _Process:
         theirs.close()
         self.channel = Channel(ours)
         self.channel.send(description)
+        self.patience = _LONGEST_START
 
     def begin(self, how: dict[str, Any]) -> None:
         """Let the standby process take the device."""
@@ -193,6 +195,7 @@ class OutputLink(Link):
             if select.select([active.channel], [], [], _LOOK)[0]:
                 silence = 0.0
                 for message in active.channel.receive():
+                    active.patience = _LONGEST_SILENCE
                     self._take(Exchange.from_dict(message))
                 if active.channel.lost and not self._ending:
                     self._replace(active, f"the output process ended (status {active.process.poll()})")
@@ -200,7 +203,7 @@ class OutputLink(Link):
                     return
             else:
                 silence += _LOOK
-                if silence > _LONGEST_SILENCE and not self._ending:
+                if silence > active.patience and not self._ending:
                     self._replace(active, f"the output process was silent for {silence:.1f} s")
                     silence = 0.0
 

@@ -40,6 +40,7 @@ class Channel:
         self._socket.setblocking(False)
         self._received = b""
         self._pending = b""
+        self._kept: list[dict[str, Any]] = []
         self.lost = False
 
     def fileno(self) -> int:
@@ -47,7 +48,8 @@ class Channel:
         return self._socket.fileno()
 
     def receive(self) -> list[dict[str, Any]]:
-        """Return the whole messages that have come; never blocks."""
+        """Return the whole messages that have come, oldest first; never blocks."""
+        kept, self._kept = self._kept, []
         while True:
             try:
                 data = self._socket.recv(1 << 16)
@@ -60,7 +62,11 @@ class Channel:
                 break
             self._received += data
         *lines, self._received = self._received.split(b"\n")
-        return [json.loads(line) for line in lines if line]
+        return kept + [json.loads(line) for line in lines if line]
+
+    def put_back(self, messages: list[dict[str, Any]]) -> None:
+        """Keep messages for the next `receive`."""
+        self._kept = messages
 
     def send(self, message: dict[str, Any]) -> None:
         """Send a message, or drop it while an earlier one is still on its way."""
@@ -128,10 +134,12 @@ def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) 
 def _first(channel: Channel, key: str, terminated: list[int]) -> dict[str, Any] | None:
     """Return the first message with a key, or None when none can come any more."""
     while not terminated and not channel.lost:
-        select.select([channel], [], [], 1.0)
-        for message in channel.receive():
+        messages = channel.receive()
+        for index, message in enumerate(messages):
             if key in message:
+                channel.put_back(messages[index + 1 :])
                 return message
+        select.select([channel], [], [], 1.0)
     return None
 
 
