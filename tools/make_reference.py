@@ -185,9 +185,10 @@ def _scene() -> str:
     assert tuple(SCENE_KEYS) == TOP_KEYS, f"tell what each key of a scene means: {TOP_KEYS}"
     keys = _table(("key", "meaning"), [(f"`{key}`", text) for key, text in SCENE_KEYS.items()])
     sensors = [
-        (f"`{sensor}`", f"`{key}`", f"{default:g} {unit}".strip(), f"{_short(low)} ... {_short(high)}")
-        for sensor, known in SENSORS.items()
-        for key, (default, low, high, unit) in known.items()
+        (f"`{sensor}`", f"`{p['name']}`", value_text(p), f"{_short(p['low'])} ... {_short(p['high'])}")
+        for sensor, cls in SENSORS.items()
+        for p in describe_class(cls)["parameters"]
+        if p["name"] != "points"
     ]
     material = describe_class(Material)
     return "\n".join(

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from ldcs_ros.compare.difference import ErrorStatistics
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.schema.reader import Checks
+from ldcs_ros.schema.checks import Checks
+from ldcs_ros.schema.reader import read_text, read_yaml
 
 FIGURES = tuple(field.name for field in fields(ErrorStatistics))
 
@@ -63,7 +64,8 @@ def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
         ToleranceError: It cannot be read, or a key or limit is not sound.
     """
     file = Path(path)
-    content = _CHECKS.content(_CHECKS.read(file, "tolerance file"), str(file))
+    text = read_text(file, "tolerance file", ToleranceError)
+    content = read_yaml(text, origin=file.name, error=ToleranceError)
     if not isinstance(content, dict) or not content:
         raise ToleranceError(f"{file.name} holds no limits; expected lines such as 'P1: {{max: 1.0e-3}}'")
     tolerances = {}

@@ -118,7 +118,9 @@ class MockRig:
         self.highest_setpoint = 0.0
         self.refused = 0
         given: dict[str, Any] = dict(
-            scene.sensors.get("tracker", {"points": tuple(scene.points), "rate": 80.0})
+            scene.sensors.get(
+                "tracker", {"points": tuple(scene.points), "noise": 0.0, "quantum": 0.0, "seed": 0}
+            )
         )
         parameters = TrackerParameters(**given)
         self.tracker_delay = parameters.delay

@@ -7,9 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-import yaml
-
 from ldcs_ros.mock_rig.rig import MockRig
+from ldcs_ros.schema.reader import write_yaml
 
 _PERIOD = 0.005
 
@@ -57,8 +56,7 @@ class Stand:
         """Return the text of a rig file that connects to this rig."""
         links = [speaker.describe() for speaker in self._speakers]
         content = {"title": "The stand-in rig", "limits": limits, "links": links}
-        text: str = yaml.safe_dump(content, sort_keys=False)
-        return text
+        return write_yaml(content)
 
     def _run(self) -> None:
         while not self._stopping.is_set():

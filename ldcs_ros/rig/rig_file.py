@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.limits import Limits
 from ldcs_ros.rig.link import Link
@@ -21,7 +19,8 @@ from ldcs_ros.rig.output_link import OutputLink
 from ldcs_ros.rig.reading import ARM_NAMES, KINDS
 from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
-from ldcs_ros.schema.reader import Checks
+from ldcs_ros.schema.checks import Checks
+from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
 TOPIC_PROGRAM = "ldcs_ros.ros.rig.topic_output"  # started by name: this room imports no rclpy
 LINK_TYPES = ("modbus", "serial", "topics")
@@ -73,7 +72,8 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
         BridgeError: It cannot be found, read or understood.
     """
     if isinstance(source, dict):
-        return _rig(source, yaml.safe_dump(source, sort_keys=False))
+        content = plain_values(source, origin="the rig", error=BridgeError)
+        return _rig(content, write_yaml(content))
     path = shipped_rigs().get(str(source), Path(source))
     try:
         text = path.read_text(encoding="utf-8")
@@ -81,7 +81,7 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
         raise BridgeError(
             f"no rig {str(source)!r}: neither a readable file nor one of {list(shipped_rigs())}"
         ) from error
-    content = _CHECKS.content(text, path.name)
+    content = read_yaml(text, origin=path.name, error=BridgeError)
     try:
         return _rig(content, text)
     except BridgeError as error:
@@ -136,8 +136,8 @@ def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
             else:
                 whole = field.type == "int"
                 low = -1.0 if whole else 1e-3
-                number = _CHECKS.number(value, f"{path}.{field.name}", low=low, high=4e6)
-                block[field.name] = int(number) if whole else number
+                check = _CHECKS.whole if whole else _CHECKS.number
+                block[field.name] = check(value, f"{path}.{field.name}", low=low, high=4e6)
     return _build(cls, {**block, "unit": unit}, path)
 
 

@@ -1,4 +1,4 @@
-"""The only room that reads YAML: scene files become frozen, checked `Scene` objects."""
+"""Scene files as frozen, checked `Scene` objects."""
 
 from __future__ import annotations
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import yaml
-
 from ldcs_ros.errors import SceneError
-from ldcs_ros.scene.load import parse_scene
-from ldcs_ros.scene.scene import Scene
+from ldcs_ros.scene.scene import Scene, parse_scene
+from ldcs_ros.schema.reader import write_yaml
 
 
 def complete_text(scene: Scene) -> str:
@@ -17,7 +15,7 @@ def complete_text(scene: Scene) -> str:
 
     It means the very same scene; where that cannot be written down, the scene's own text is returned.
     """
-    content = yaml.safe_load(scene.text)
+    content = scene.content
     for block, effect in zip(content.get("effects", []), scene.effects, strict=True):
         for field in dataclasses.fields(effect):  # type: ignore[arg-type]
             value = getattr(effect, field.name)
@@ -27,7 +25,7 @@ def complete_text(scene: Scene) -> str:
         content["sensors"] = {name: _plain(values) for name, values in scene.sensors.items()}
     solver = dataclasses.asdict(scene.solver)
     content["solver"] = {key: value for key, value in solver.items() if value is not None}
-    text = str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+    text = write_yaml(content)
     try:
         again = parse_scene(text, name=scene.name, origin=scene.name)
     except SceneError:

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ldcs_ros.errors import SceneError
+from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
+from ldcs_ros.scene import schema
+from ldcs_ros.schema.paths import put_value, remove_value
+from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
 if TYPE_CHECKING:
     from ldcs_ros.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
-class Solver:
-    """How a scene is to be integrated.
-
-    Attributes:
-        integrator: A name of `INTEGRATORS`, or 'auto'.
-        accuracy: Largest node position error asked for [m]; None with a fixed step.
-        dt: Fixed step [s]; None with adaptive steps.
-    """
-
-    integrator: str = "auto"
-    accuracy: float | None = 1.0e-5
-    dt: float | None = None
-
-
-@dataclass(frozen=True)
 class Scene:
-    """Everything that one scene file says; `build` makes a simulation of it.
+    """The content of one scene file; `build` makes a simulation of it.
 
     Attributes:
         name: Name of the shipped scene or stem of the file.
@@ -58,19 +49,81 @@ class Scene:
     material: Material | None = None
     text: str = ""
 
+    @property
+    def content(self) -> dict[str, Any]:
+        """The scene as plain values with the keys of a scene file; a new copy at each access."""
+        content: dict[str, Any] = read_yaml(self.text, origin=self.name, error=SceneError)
+        return content
+
+    def edited(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Scene:
+        """Return a checked scene with other values at some paths, under the same name.
+
+        Args:
+            changes: Values by path, such as `{"effects.springs.stiffness": 90.0}`; None removes a key.
+            **keys: Values of top-level keys, such as `inputs=None`.
+
+        Raises:
+            SceneError: A path does not exist, or the changed scene is not valid.
+        """
+        changed = {**(changes or {}), **keys}
+        content = self.content
+        for path, value in changed.items():
+            if value is None:
+                remove_value(content, path)
+            else:
+                put_value(content, path, plain_values(value, origin=path, error=SceneError))
+        return parse_scene(write_yaml(content), name=self.name, origin=self.name) if changed else self
+
     def effect(self, name: str) -> Any:
         """Return the scene's effect of a name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
 
     def with_accuracy(self, accuracy: float) -> Scene:
-        """Return the same scene with adaptive steps at another accuracy [m]."""
-        from ldcs_ros.scene.schema import check_solver
-
-        integrator = "auto" if self.solver.dt is not None else self.solver.integrator
-        return replace(self, solver=check_solver({"integrator": integrator, "accuracy": accuracy}, "solver"))
+        """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
+        return self.edited(solver={"integrator": self.solver.integrator, "accuracy": accuracy})
 
     def build(self) -> Simulation:
         """Return a simulation of the scene at its start."""
         from ldcs_ros.simulation.simulation import Simulation
 
         return Simulation(self)
+
+
+def parse_scene(text: str, *, name: str, origin: str) -> Scene:
+    """Return the scene of a YAML text; `origin` names the source in errors.
+
+    Raises:
+        SceneError: The text is not a valid scene.
+    """
+    content = read_yaml(text, origin=origin, error=SceneError)
+    try:
+        return scene_of_content(content, text, name=name)
+    except SceneError as error:
+        message = str(error)
+        raise SceneError(
+            message if origin in message else message.replace(" @ ", f" @ {origin}: ", 1)
+        ) from error
+
+
+def scene_of_content(content: Any, text: str, *, name: str) -> Scene:
+    """Return the scene of plain values and of the text that says the same.
+
+    Raises:
+        SceneError: The content is not a valid scene.
+    """
+    block = schema.CHECKS.keys(content, schema.TOP_KEYS, "", required=("lattice", "effects"))
+    material = schema.check_material(block["material"], "material") if "material" in block else None
+    lattice = schema.check_lattice(block["lattice"], material, "lattice")
+    points = schema.check_points(block.get("points", {}), lattice, "points")
+    return Scene(
+        name=name,
+        title=schema.CHECKS.text(block.get("title", name), "title"),
+        lattice=lattice,
+        points=points,
+        effects=schema.check_effects(block["effects"], lattice, points, "effects"),
+        inputs=schema.check_inputs(block.get("inputs", []), "inputs"),
+        sensors=schema.check_sensors(block.get("sensors", {}), lattice, points, "sensors"),
+        solver=schema.check_solver(block["solver"], "solver") if "solver" in block else Solver(),
+        material=material,
+        text=text,
+    )

@@ -1,18 +1,38 @@
-"""How an effect declares a parameter: default, unit, bounds, origin and meaning in one place."""
+"""Declarations of a parameter (default, unit, bounds, origin and meaning in one place) and the check of its value."""
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
 import math
+import numbers
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ldcs_ros.errors import LdcsError
+
 REQUIRED = dataclasses.MISSING
+MAX_SHOWN = 60
 
 
-def did_you_mean(word: str, options: Any) -> str:
+def shown(value: object) -> str:
+    """Return a value for an error: one line of at most MAX_SHOWN characters."""
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"a whole number of {value.bit_length()} bits"
+    try:
+        text = repr(value)
+    except (
+        ValueError,
+        RecursionError,
+    ):  # an integer of thousands of digits inside, or a list that holds itself
+        text = f"a {type(value).__name__}"
+    text = " ".join(text.split())
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def did_you_mean(word: object, options: Iterable[object]) -> str:
     """Return ` Did you mean 'x'?` for the nearest option, or nothing."""
-    near = difflib.get_close_matches(str(word), [str(option) for option in options], n=1)
+    near = difflib.get_close_matches(str(word)[:MAX_SHOWN], [str(option) for option in options], n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
@@ -69,42 +89,98 @@ def words(default: Any, options: tuple[str, ...], help: str) -> Any:
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def check_number(value: Any, field: dataclasses.Field[Any]) -> Any:
-    """Return the value of a `quantity` field as float, int or tuple; raise ValueError with got and expected."""
+def finite_number(value: object, *, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
+    """Return a finite number within its bounds as float; NumPy numbers are numbers.
+
+    Raises:
+        ValueError: It is something else; the message says got and expected.
+    """
+    suffix = f" [{unit}]" if unit else ""
+    number = math.nan
+    if not isinstance(value, bool) and isinstance(value, numbers.Real):
+        try:
+            number = float(value)
+        except OverflowError:  # an integer above every float
+            number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"got {shown(value)}, expected a finite number{suffix}{_quotes(value)}")
+    if not low <= number <= high:
+        raise ValueError(f"got {number:g}, expected {_range(low, high)}{suffix}")
+    return number
+
+
+def whole_number(value: object, *, low: float = -math.inf, high: float = math.inf) -> int:
+    """Return a whole number within its bounds.
+
+    Raises:
+        ValueError: It is something else; the message says got and expected.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise ValueError(f"got {shown(value)}, expected a whole number{_quotes(value)}")
+    number = int(value)
+    if not low <= number <= high:
+        raise ValueError(f"got {shown(number)}, expected {_range(low, high)}")
+    return number
+
+
+def check_field(value: Any, field: dataclasses.Field[Any]) -> Any:
+    """Return the value of a declared field as float, int, tuple or word.
+
+    Raises:
+        ValueError: It is not what the field declares; the message says got and expected.
+    """
     meta = field.metadata
+    if "options" in meta:
+        return _chosen(value, meta)
+    if meta.get("place"):
+        return tuple(value) if isinstance(value, list) else value
+    bounds = {"low": meta["low"], "high": meta["high"]}
     if meta["length"] is not None:
         if not isinstance(value, (list, tuple)) or len(value) != meta["length"]:
-            raise ValueError(f"got {value!r}, expected a list of {meta['length']} numbers [{meta['unit']}]")
-        return tuple(_scalar(item, meta) for item in value)
-    whole = field.type in ("int", int)
-    if whole and (isinstance(value, bool) or not isinstance(value, int)):
-        raise ValueError(f"got {value!r}, expected a whole number")
-    number = _scalar(value, meta)
-    return int(number) if whole else number
+            raise ValueError(
+                f"got {shown(value)}, expected a list of {meta['length']} numbers [{meta['unit']}]"
+            )
+        return tuple(finite_number(item, unit=meta["unit"], **bounds) for item in value)
+    if field.type in ("int", int):
+        return whole_number(value, **bounds)
+    return finite_number(value, unit=meta["unit"], **bounds)
 
 
-def check_choice(value: Any, field: dataclasses.Field[Any]) -> Any:
-    """Return the value of a `choice` or `words` field; raise ValueError with got and expected."""
-    options = field.metadata["options"]
-    items = value if field.metadata.get("several") else [value]
+def check_fields(instance: Any, path: str, error: type[LdcsError]) -> None:
+    """Check every declared field of a dataclass instance; for `__post_init__` of one that programs make, too.
+
+    Raises:
+        LdcsError: A value is not what its field declares; the class is `error`.
+    """
+    for field in dataclasses.fields(instance):
+        if "unit" in field.metadata:
+            try:
+                check_field(getattr(instance, field.name), field)
+            except ValueError as reason:
+                raise error(f"{reason} @ {path}.{field.name}") from reason
+
+
+def _chosen(value: Any, meta: Mapping[str, Any]) -> Any:
+    options = meta["options"]
+    items = value if meta.get("several") else [value]
     if not isinstance(items, (list, tuple)) or not items or len(set(map(str, items))) != len(items):
-        raise ValueError(f"got {value!r}, expected a list of different words out of {list(options)}")
+        raise ValueError(f"got {shown(value)}, expected a list of different words out of {list(options)}")
     for item in items:
         if item not in options:
-            raise ValueError(f"got {item!r}, expected one of {list(options)}.{did_you_mean(item, options)}")
-    return tuple(items) if field.metadata.get("several") else value
+            raise ValueError(
+                f"got {shown(item)}, expected one of {list(options)}.{did_you_mean(item, options)}"
+            )
+    return tuple(items) if meta.get("several") else value
 
 
-def _scalar(value: Any, meta: Any) -> float:
-    unit = f" [{meta['unit']}]" if meta["unit"] else ""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        # YAML 1.1 reads 1e-5 as text: say how to write it.
-        hint = (
-            " (write 1.0e-5, YAML reads 1e-5 as text)"
-            if isinstance(value, str) and "e" in value.lower()
-            else ""
-        )
-        raise ValueError(f"got {value!r}, expected a finite number{unit}{hint}")
-    if not meta["low"] <= value <= meta["high"]:
-        raise ValueError(f"got {value:g}, expected {meta['low']:g} ... {meta['high']:g}{unit}")
-    return float(value)
+def _range(low: float, high: float) -> str:
+    if math.isinf(high):
+        return f"at least {low:g}"
+    return f"at most {high:g}" if math.isinf(low) else f"{low:g} ... {high:g}"
+
+
+def _quotes(value: object) -> str:
+    try:
+        return " without quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
+    except ValueError:
+        return ""

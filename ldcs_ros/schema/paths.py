@@ -44,6 +44,19 @@ def put_value(content: dict[str, Any], path: str, value: Any, *, said: str = "")
         holder[_index(holder, last, walked, said or path)] = value
 
 
+def remove_value(content: dict[str, Any], path: str) -> None:
+    """Remove a key or a list's entry at a path of a scene's content, in place; a key that is absent is no error.
+
+    Raises:
+        SceneError: The path leads nowhere.
+    """
+    holder, last, walked = _holder(content, path, path, make=False)
+    if isinstance(holder, dict) and isinstance(last, str):
+        holder.pop(last, None)
+    else:
+        del holder[_index(holder, last, walked, path)]
+
+
 def _holder(content: dict[str, Any], path: str, said: str, *, make: bool) -> tuple[Any, str | int, str]:
     steps = _split(path, said)
     holder: Any = content

@@ -6,27 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.schema.checks import check_range
+from ldcs_ros.errors import SceneError
+from ldcs_ros.schema.fields import check_fields, quantity
 from ldcs_ros.sensors.ticks import Ticks
 
 
 @dataclass(frozen=True)
 class PressureSensorParameters:
-    """What the scene says of the pressure sensors.
+    """The parameters of the pressure sensors.
 
     Attributes:
-        rate: Measurements a second [Hz].
+        rate: Measurements per second [Hz].
         noise: Standard deviation [Pa].
         seed: Seed of the noise.
     """
 
-    rate: float
-    noise: float = 0.0
-    seed: int = 0
+    rate: float = quantity(100.0, "Hz", "measurements per second", low=1e-3, high=1e4)
+    noise: float = quantity(0.0, "Pa", "standard deviation", low=0.0, high=1e6)
+    seed: int = quantity(2, "", "seed of the noise", low=0, high=2**63 - 1)
 
     def __post_init__(self) -> None:
-        check_range("pressure", "rate", self.rate, 1e-3, 1e5, "Hz")
-        check_range("pressure", "noise", self.noise, 0.0, 1e6, "Pa")
+        check_fields(self, "sensors.pressure", SceneError)
 
 
 class PressureSensor:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.errors import SceneError
-from ldcs_ros.schema.checks import check_range
+from ldcs_ros.schema.fields import check_fields, quantity
 from ldcs_ros.sensors.ticks import Ticks
 
 Pose = tuple[np.ndarray, np.ndarray]
@@ -18,14 +18,14 @@ Pose = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class TrackerParameters:
-    """What the scene says of the tracker.
+    """The parameters of a tracker.
 
     The orientation comes without noise: the maker gives a static accuracy of half a degree, most of it bias,
     and no figure for its noise.
 
     Attributes:
         points: Names of the points that carry a probe, probe 0 first.
-        rate: Measurements a second [Hz].
+        rate: Measurements per second [Hz].
         delay: From a measurement to its delivery [s].
         noise: Standard deviation of the position, each axis on its own [m].
         quantum: Step of the reported position [m]; 0 for none.
@@ -33,23 +33,20 @@ class TrackerParameters:
     """
 
     points: tuple[str, ...]
-    rate: float
-    delay: float = 0.0
-    noise: float = 0.0
-    quantum: float = 0.0
-    seed: int = 0
+    rate: float = quantity(80.0, "Hz", "measurements per second", low=1e-3, high=1e4)
+    delay: float = quantity(0.0, "s", "time from a measurement to its delivery", low=0.0, high=10.0)
+    noise: float = quantity(1.0e-4, "m", "standard deviation of the position, per axis", low=0.0, high=1.0)
+    quantum: float = quantity(2.8e-5, "m", "step of the reported position; 0 for none", low=0.0, high=1.0)
+    seed: int = quantity(1, "", "seed of the noise", low=0, high=2**63 - 1)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", tuple(self.points))
         named = all(isinstance(point, str) for point in self.points)
         if not self.points or not named or len(set(self.points)) != len(self.points):
             raise SceneError(
-                f"sensors.tracker.points is {list(self.points)}, expected different names of points"
+                f"got {list(self.points)}, expected different names of points @ sensors.tracker.points"
             )
-        check_range("tracker", "rate", self.rate, 1e-3, 1e5, "Hz")
-        check_range("tracker", "delay", self.delay, 0.0, 10.0, "s")
-        check_range("tracker", "noise", self.noise, 0.0, 1.0, "m")
-        check_range("tracker", "quantum", self.quantum, 0.0, 1.0, "m")
+        check_fields(self, "sensors.tracker", SceneError)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from ldcs_ros.errors import MappingError
-from ldcs_ros.schema.reader import Checks
+from ldcs_ros.schema.checks import Checks
+from ldcs_ros.schema.reader import read_text, read_yaml
 from ldcs_ros.schema.units import PRESSURE, STANDARD_ATMOSPHERE
 
 TORQUE = {"N m": 1.0, "mN m": 1e-3}
@@ -125,10 +126,11 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
     """Return the mapping of a file.
 
     Raises:
-        MappingError: It cannot be read, is no YAML, or a key or value is wrong; the message says which.
+        MappingError: It cannot be read, is not valid YAML, or a key or value is wrong; the message says which.
     """
     file = Path(path)
-    content = _CHECKS.content(_CHECKS.read(file, "mapping file"), str(file))
+    text = read_text(file, "mapping file", MappingError)
+    content = read_yaml(text, origin=file.name, error=MappingError)
     try:
         return parse_mapping(content)
     except MappingError as error:
@@ -203,8 +205,8 @@ def _measurement(entry: Any, path: str, ambient: float) -> MeasurementSource:
             f"got {to!r}, expected a point such as P0, left/pressure, right/pressure or joint/NAME @ {path}.to"
         )
     index = block.get("index")
-    if index is not None and (isinstance(index, bool) or not isinstance(index, int) or index < 0):
-        raise MappingError(f"got {index!r}, expected a whole number, 0 or above @ {path}.index")
+    if index is not None:
+        index = _CHECKS.whole(index, f"{path}.index", low=0)
     translation = _CHECKS.numbers(block.get("translation", [0.0] * 3), 3, f"{path}.translation")
     rotation = _CHECKS.numbers(block.get("rotation", [0.0, 0.0, 0.0, 1.0]), 4, f"{path}.rotation")
     length = math.hypot(*rotation)
@@ -228,9 +230,7 @@ def _offset(block: dict[str, Any], path: str, ambient: float) -> float | None:
     absolute = block.get("absolute")
     if absolute is None:
         return None
-    if not isinstance(absolute, bool):
-        raise MappingError(f"got {absolute!r}, expected true or false @ {path}.absolute")
-    return ambient if absolute else 0.0
+    return ambient if _CHECKS.truth(absolute, f"{path}.absolute") else 0.0
 
 
 def _unit(value: Any, known: dict[str, float], path: str) -> float:

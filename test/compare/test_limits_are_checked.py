@@ -52,10 +52,10 @@ def test_a_figure_that_is_no_number_breaks_its_limit():
         ("", "holds no limits"),
         ("P1: 3", "expected a mapping with keys out of"),
         ("P1: {most: 1}", "unknown key 'most'"),
-        ("P1: {max: 1e-3}", "YAML reads 1e-5 as text"),
+        ("P1: {max: '1e-3'}", "without quotes"),
         ("P1: {max: -1}", "at least 0"),
-        ("P1: {max: .nan}", "at least 0"),
-        ("P1: [", "no YAML"),
+        ("P1: {max: .nan}", "finite number"),
+        ("P1: [", "not valid YAML"),
         ("P9: {max: 1}", "fits no channel"),
     ],
 )

@@ -11,7 +11,7 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators import INTEGRATORS
-from ldcs_ros.scene.scene import Solver
+from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.study.hard.scenes import ARMS, HANGING, changed
 
 DIAGNOSIS = (

@@ -25,7 +25,7 @@ BAD = {
     "nodes not whole": (("lattice.nodes", [9.5, 9]), "lattice.nodes"),
     "too many nodes": (("lattice.nodes", [5000, 9]), "lattice.nodes"),
     "negative mass": (("lattice.mass", -0.1), "lattice.mass"),
-    "mass as text": (("lattice.mass", "1e-1"), "YAML reads"),
+    "mass as text": (("lattice.mass", "1e-1"), "without quotes"),
     "mass not a number": (("lattice.mass", float("nan")), "finite"),
     "size of two": (("lattice.size", [0.1, 0.1]), "lattice.size"),
     "unknown effect": (("effects.0.type", "spring"), "Did you mean 'springs'"),
@@ -92,7 +92,7 @@ def test_effects_that_do_not_fit_are_refused_when_built(case):
     ("text", "words"),
     [
         ("lattice: {size: [1, 1", "line"),
-        ("a: 1\na: 2\n", "occurs twice"),
+        ("a: 1\na: 2\n", "given twice"),
         ("lattice: &x {size: *x}\neffects: []\n", ""),
         ("- 1\n- 2\n", "mapping"),
         ("", "mapping"),

@@ -52,8 +52,8 @@ TRACKER = {"topic": "/tracker", "to": "P0"}
         ({"commands": [VALVES], "gap": 0}, "@ gap"),
         ({"measurements": [{**TRACKER, "to": "a/b"}]}, "expected a point such as P0"),
         ({"measurements": [{**TRACKER, "rotation": [0, 0, 0, 2]}]}, "unit quaternion"),
-        ({"measurements": [{**TRACKER, "translation": [0, 0]}]}, "expected 3 numbers"),
-        ({"measurements": [{**TRACKER, "index": -1}]}, "whole number"),
+        ({"measurements": [{**TRACKER, "translation": [0, 0]}]}, "a list of 3 numbers"),
+        ({"measurements": [{**TRACKER, "index": -1}]}, "at least 0"),
         ({"measurements": [{**TRACKER, "topic": 3}]}, "expected text"),
     ],
 )
@@ -65,7 +65,7 @@ def test_a_wrong_key_or_value_is_named(content, reason):
 
 def test_a_file_that_is_none_is_refused(tmp_path):
     (tmp_path / "bad.yaml").write_text("commands: [")
-    with pytest.raises(MappingError, match="no YAML"):
+    with pytest.raises(MappingError, match="not valid YAML"):
         load_mapping(tmp_path / "bad.yaml")
     with pytest.raises(MappingError, match="No such file"):
         load_mapping(tmp_path / "none.yaml")

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from ldcs_ros.ros.common.refusals import report_errors
 from ldcs_ros.ros.sim.runner import Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.scene.scene_source import scene_of
+from ldcs_ros.scene.load import scene_of
 
 
 class Services:

@@ -14,9 +14,8 @@ from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
 from ldcs_ros.ros.simulator.answers import Refused, TagChoice
 from ldcs_ros.ros.simulator.control import Host
-from ldcs_ros.scene.load import load_scene, shipped_scenes
+from ldcs_ros.scene.load import load_scene, scene_of, shipped_scenes
 from ldcs_ros.scene.scene import Scene
-from ldcs_ros.scene.scene_source import scene_of
 
 _SUFFIXES = ("", ".yaml", ".yml")
 _SCHEME = "file://"

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError, LdcsError
+from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.scene import load_scene
-from ldcs_ros.scene.scene import Scene, Solver
+from ldcs_ros.scene.scene import Scene
 from ldcs_ros.simulation.simulation import SAME_TIME, Simulation
 from ldcs_ros.study.hard.audit import EnergyAudit
 from ldcs_ros.study.hard.case import PROMISE, Bounded, HardCase, Periodic, Reference, Refused, Rest, Still
