@@ -41,7 +41,7 @@ hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases
 	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
 
 viewer: setup  ## install the viewer of `ldcs view` (half a gigabyte) and check it in a headless chromium
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/view.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/view.lock
 	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/viewing
 
 soak: setup  ## run the live node for an hour at 200 Hz, write docs/under_load.md: SECONDS=60 for a short one, into out/

@@ -7,7 +7,7 @@ source tools/environment.sh
 export PATH="$PWD/.venv/bin:$PATH" AMENT_PREFIX_PATH="$PWD/.venv${AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}"
 
 python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --use-pep517 \
-    --requirement requirements/colcon.lock
+    --require-hashes --requirement requirements/colcon.lock
 colcon build --base-paths . msg_defs --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$PWD/.venv/bin/python"
 
 set +u

@@ -58,9 +58,19 @@ def main():
     shutil.rmtree(str(VENV), ignore_errors=True)
     run(sys.executable, "-m", "venv", *(["--system-site-packages"] if ros else []), VENV)
 
-    # The lock files are complete, so nothing is resolved; sources are built with the pinned setuptools.
+    # The lock files are complete, so nothing is resolved, and a file whose hash they do not list is refused.
+    # Sources are built with the pinned setuptools.
     python = VENV / "bin/python"
-    install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    install = [
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--require-hashes",
+    ]
     run(*install, "--requirement", "requirements/core.lock")
     if ros is None:
         if platform.machine() == "x86_64":

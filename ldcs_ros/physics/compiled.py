@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
+import shutil
+import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -20,10 +23,42 @@ def _cache_folder() -> Path:
         path for room in ("physics", "integrators", "study") for path in (package / room).rglob("*.py")
     )
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    beside = package / "__pycache__"
-    writable = os.access(beside if beside.exists() else package, os.W_OK)
-    home = beside if writable else Path(tempfile.gettempdir()) / f"ldcs_ros-{os.getuid()}"
-    return home / f"kernels-{digest}"
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    return private_folder(f"kernels-{digest}", (package / "__pycache__", user / "ldcs_ros"))
+
+
+def private_folder(name: str, parents: Iterable[Path]) -> Path:
+    """Return a folder that no other user can write into; a cached kernel is a pickle, which runs code when loaded.
+
+    Args:
+        name: Name of the folder.
+        parents: Candidates for its parent, in order of preference. A candidate counts only if this user owns it
+            and no other user can write to it.
+
+    Returns:
+        The folder below the first sound parent; without one, a new folder that is removed when the process ends.
+    """
+    for parent in parents:
+        folder = parent / name
+        try:
+            parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)
+            if _is_private(parent) and _is_private(folder) and os.access(folder, os.W_OK):
+                return folder
+        except (OSError, RuntimeError):
+            continue
+    temporary = tempfile.mkdtemp(prefix="ldcs_ros-")
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+    return Path(temporary)
+
+
+def _is_private(folder: Path) -> bool:
+    status = folder.lstat()  # a link could lead into the folder of another user
+    return (
+        stat.S_ISDIR(status.st_mode)
+        and status.st_uid == os.getuid()
+        and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
 
 
 try:

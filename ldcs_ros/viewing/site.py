@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import http.client
+import secrets
 import signal
 import socket
 import subprocess
@@ -24,6 +25,12 @@ HOST = "127.0.0.1"
 RECORDING = "/recording.rrd"
 _START_TIMEOUT = 20.0
 _PIECE = 1 << 16
+_TOKEN_BYTES = 24
+_IDLE_TIMEOUT = 30.0
+"""Time in which a connection must send its request, and take each piece of the answer [s]."""
+_MOST_CONNECTIONS = 64
+_HEADERS = ("content-type", "content-length", "content-encoding", "rerun-final-length")
+"""What is handed on of the viewer's own answers; above all no Access-Control-Allow-Origin."""
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
 
 
@@ -31,21 +38,17 @@ class Site:
     """What a browser opens.
 
     Args:
-        port: Port of the page.
+        address: Address of the page; it holds the token, without which nothing is served.
         data_url: Where the page takes its data from: a .rrd file, or the viewer's live server.
 
     Attributes:
+        address: The same.
         data_url: The same.
     """
 
-    def __init__(self, port: int, data_url: str) -> None:
-        self._port = port
+    def __init__(self, address: str, data_url: str) -> None:
+        self.address = address
         self.data_url = data_url
-
-    @property
-    def address(self) -> str:
-        """Address to open."""
-        return f"http://{HOST}:{self._port}/"
 
 
 @contextmanager
@@ -60,9 +63,10 @@ def bag_site(recording: Path, port: int) -> Iterator[Site]:
         ViewingError: The port is taken, or the viewer does not start.
     """
     with _gate(port, recording) as gate:
-        gate.data_url = f"http://{HOST}:{gate.server_port}{RECORDING}"
-        with _viewer_program(gate, [gate.data_url]):
-            yield Site(gate.server_port, gate.data_url)
+        gate.data_url = f"{gate.address.removesuffix('/')}{RECORDING}"
+        # Named without the token: other users can read the arguments of a process. The page has its own address.
+        with _viewer_program(gate, [f"http://{HOST}:{gate.server_port}{RECORDING}"]):
+            yield Site(gate.address, gate.data_url)
 
 
 @contextmanager
@@ -81,7 +85,7 @@ def live_site(port: int, *, memory: str) -> Iterator[Site]:
         gate.data_origin = f"http://{HOST}:{data_port}"
         gate.data_url = f"rerun+{gate.data_origin}/proxy"
         with _viewer_program(gate, ["--port", str(data_port), "--server-memory-limit", memory]):
-            yield Site(gate.server_port, gate.data_url)
+            yield Site(gate.address, gate.data_url)
 
 
 class _Gate(ThreadingHTTPServer):
@@ -95,6 +99,18 @@ class _Gate(ThreadingHTTPServer):
         self.data_url = ""
         self.data_origin = ""
         self.viewer_port = 0
+        self.token = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+
+    @property
+    def address(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.server_port}/{self.token}/"
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """Values of the Host header under which the page is served."""
+        return (f"{HOST}:{self.server_port}", f"localhost:{self.server_port}")
 
     @property
     def policy(self) -> str:
@@ -111,6 +127,20 @@ class _Gate(ThreadingHTTPServer):
         asked = {"url": self.data_url, "hide_welcome_screen": "1", "persist": "0", "theme": "light"}
         return urlencode(asked, quote_via=quote)
 
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection on a thread of its own; one above the limit is closed."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection, then let the next one in."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that goes away while it is served is no error."""
 
@@ -118,21 +148,29 @@ class _Gate(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: _Gate
 
+    timeout = _IDLE_TIMEOUT
+
     def do_GET(self) -> None:
-        parts = urlsplit(self.path)
         # Other names for this machine could be a foreign page that has itself resolved to it.
-        if self.headers.get("Host", "").partition(":")[0] not in (HOST, "localhost"):
+        hosts = self.headers.get_all("Host", [])
+        if len(hosts) != 1 or hosts[0].strip().lower() not in self.server.hosts:
             self.send_error(403, "open this page as http://127.0.0.1")
-        elif parts.path == RECORDING and self.server.recording is not None:
+            return
+        token, slash, rest = self.path.removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(403, "open the whole address that the view has printed")
+            return
+        path = f"/{rest}"
+        if urlsplit(path).path == RECORDING and self.server.recording is not None:
             self._send_file(self.server.recording)
-        elif self.path == "/":
+        elif path == "/":
             # What the page shows is part of its address; which one need not be typed.
             self.send_response(302)
-            self.send_header("Location", f"/?{self.server.page_query}")
+            self.send_header("Location", f"/{token}/?{self.server.page_query}")
             self.send_header("Content-Length", "0")
             self.end_headers()
         else:
-            self._hand_on(self.path)
+            self._hand_on(path)
 
     def log_message(self, *_: Any) -> None:
         """Nothing: the terminal belongs to whoever started the view."""
@@ -153,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
             answer = connection.getresponse()
             self.send_response(answer.status)
             for name, value in answer.getheaders():
-                if name.lower() not in ("connection", "date", "server", "transfer-encoding"):
+                if name.lower() in _HEADERS:
                     self.send_header(name, value)
             self.send_header("Content-Security-Policy", self.server.policy)
             self.send_header("Referrer-Policy", "no-referrer")

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+LOCKS = ("core", "ros", "view", "colcon")
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "ldcs_ros"
 DEFINITIONS = sorted((ROOT / "msg_defs").glob("*/*.[ms][sr][gv]"))
@@ -91,15 +92,36 @@ def test_a_workspace_gets_the_optional_packages_too() -> None:
     assert {element.text for element in tree.iter("exec_depend")} >= OPTIONAL
 
 
+def lock_entries(lock: str) -> list[str]:
+    """Return the entries of a lock file, each joined to one line."""
+    text = (ROOT / f"requirements/{lock}.lock").read_text(encoding="utf-8")
+    joined = re.sub(r"\s*\\\n\s*", " ", text)
+    return [line for line in joined.splitlines() if not line.startswith("#")]
+
+
+def test_no_lock_file_names_a_registry() -> None:
+    for lock in LOCKS:
+        assert "://" not in (ROOT / f"requirements/{lock}.lock").read_text(encoding="utf-8")
+
+
+def test_each_installation_from_a_lock_file_demands_its_hashes() -> None:
+    for name in ("Makefile", "tools/setup_venv.py", "tools/colcon.sh"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        assert re.search(r"requirements/\w+\.lock", text)
+        assert "--require-hashes" in text, name
+
+
 def test_every_wheel_that_the_code_imports_is_pinned() -> None:
-    """Each line of the lock files is one exact pin, so that two set-ups give the same versions."""
+    """Each entry of the lock files is one exact pin with hashes, so that two set-ups give the same files."""
     pins: set[str] = set()
-    for lock in ("core", "ros", "colcon"):
-        for line in (ROOT / f"requirements/{lock}.lock").read_text(encoding="utf-8").splitlines():
-            if not line.startswith("#"):
-                match = re.fullmatch(r"([a-z0-9-]+)==[0-9][^ ;]*( ; python_full_version .*)?", line)
-                assert match, f"not an exact pin in {lock}.lock: {line}"
-                pins.add(match.group(1))
+    for lock in LOCKS:
+        for entry in lock_entries(lock):
+            pattern = (
+                r"([a-z0-9-]+)==[0-9][^ ;]*( ; python_full_version [^\\]*)?( --hash=sha256:[0-9a-f]{64})+"
+            )
+            match = re.fullmatch(pattern, entry)
+            assert match, f"not an exact pin with hashes in {lock}.lock: {entry[:120]}"
+            pins.add(match.group(1))
     for name in imported_packages(PACKAGE) - OPTIONAL:
         names = {WHEEL.get(name, name), "ros-" + name.replace("_", "-")}
         assert names & pins, f"{name} is imported but no lock file pins it"

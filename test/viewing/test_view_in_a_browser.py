@@ -12,13 +12,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
 from ldcs_ros.cli.main import main
 from ldcs_ros.messages.display.colours import of_height
-from ldcs_ros.viewing import library
+from ldcs_ros.viewing import library, site
 from ldcs_ros.viewing.browser import find_browser
 
 NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
@@ -45,9 +46,15 @@ def shown(bag, viewer):
 
 
 def get(url, path="/", **headers):
-    port = int(url.rstrip("/").rpartition(":")[2])
+    """Return the answer to a path below the address of the page, or to an absolute one that begins with its token."""
+    parts = urlsplit(url)
+    full = path if path.startswith(parts.path) else f"{parts.path.rstrip('/')}{path}"
+    return get_raw(parts.port, full, headers)
+
+
+def get_raw(port, path, headers=None):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)
-    connection.request("GET", path, headers=headers)
+    connection.request("GET", path, headers=headers or {})
     answer = connection.getresponse()
     return answer, answer.read()
 
@@ -110,6 +117,48 @@ def test_the_page_is_here_alone_and_may_talk_to_nobody_else(shown):
     assert get(url, "/recording.rrd")[1][:4] in (b"RRF2", b"RRIO", b"RRF0")
     # A foreign page whose name resolves to this machine gets nothing.
     assert get(url, "/recording.rrd", Host="example.org")[0].status == 403
+
+
+def test_nothing_is_served_without_the_token(shown):
+    url, process = shown
+    port, token = urlsplit(url).port, urlsplit(url).path.strip("/")
+    assert len(token) >= 32
+    for path in ("/", "/recording.rrd", "/re_viewer.js", f"/{token[:-1]}/recording.rrd", f"/{token}"):
+        assert get_raw(port, path)[0].status == 403, path
+    assert get_raw(port, f"/{token}/recording.rrd")[0].status == 200
+    # Other users of the machine can read the arguments of a process.
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    for child in children:
+        assert token.encode() not in Path(f"/proc/{child}/cmdline").read_bytes()
+
+
+def test_two_host_headers_or_another_port_get_nothing(shown):
+    url, _ = shown
+    parts = urlsplit(url)
+    for hosts in ([], [parts.netloc, "example.org"], ["127.0.0.1:1"], ["example.org"]):
+        lines = "".join(f"Host: {host}\r\n" for host in hosts)
+        with socket.create_connection(("127.0.0.1", parts.port), timeout=20.0) as connection:
+            connection.sendall(f"GET {parts.path}recording.rrd HTTP/1.1\r\n{lines}\r\n".encode())
+            assert connection.recv(64).split()[1] == b"403", hosts
+
+
+def test_no_other_origin_may_read_an_answer(shown):
+    url, _ = shown
+    for path in ("/recording.rrd", "/re_viewer.js", "/favicon.ico"):
+        answer, _ = get(url, path, Origin="http://example.org")
+        assert answer.status == 200
+        assert not [name for name in answer.headers if name.lower().startswith("access-control")]
+
+
+def test_a_connection_that_says_nothing_is_closed(monkeypatch, tmp_path):
+    monkeypatch.setattr(site._Handler, "timeout", 0.2)
+    (tmp_path / "x.rrd").write_bytes(b"RRF2")
+    with (
+        site._gate(0, tmp_path / "x.rrd") as gate,
+        socket.create_connection(("127.0.0.1", gate.server_port), timeout=10.0) as silent,
+    ):
+        silent.sendall(b"GET ")
+        assert silent.recv(1) == b""
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
