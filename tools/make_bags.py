@@ -6,15 +6,12 @@ import argparse
 import shutil
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ldcs_ros import load_scene
 from ldcs_ros.messages.messages import pressure_command, wrench_command
-from ldcs_ros.scene.load import parse_scene
-from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
@@ -25,16 +22,9 @@ ACCURACY = 1e-7  # m, a hundred times what the scenes ask for
 NOTHING = (0.0, 0.0, 0.0)
 
 
-def solved_by(name: str, solver: str) -> Scene:
-    """Return a shipped scene with another solver line."""
-    text = load_scene(name).text
-    lines = [line if not line.startswith("solver:") else f"solver: {solver}" for line in text.splitlines()]
-    return parse_scene("\n".join(lines) + "\n", name=name, origin=f"{name} with {solver}")
-
-
 def paper() -> tuple[Twin, Callable[[Twin], None]]:
     """The paper's test by an independent reference method at a tight tolerance."""
-    twin = Twin(solved_by("paper", "{integrator: radau, accuracy: 1.0e-8}"))
+    twin = Twin(load_scene("paper").edited(solver={"integrator": "radau", "accuracy": 1.0e-8}))
     return twin, lambda twin: twin.advance_to(3.0)
 
 
@@ -51,7 +41,7 @@ def chirp() -> tuple[Twin, Callable[[Twin], None]]:
             twin.receive("pressure_command", pressure_command(np.round([left, right])))
         twin.advance_to(5.5)
 
-    return Twin(without_schedule("rig"), RunSettings(accuracy=ACCURACY)), command
+    return Twin(load_scene("rig").without_schedule(), RunSettings(accuracy=ACCURACY)), command
 
 
 def impulse() -> tuple[Twin, Callable[[Twin], None]]:
@@ -73,7 +63,7 @@ def fault() -> tuple[Twin, Callable[[Twin], None]]:
     """Commands that are refused, a sender that falls silent, the vent, refusals until somebody rearms."""
     now = [0.0]
     watchdog = Watchdog(lambda: now[0], timeout=0.3, wrench_timeout=0.2)
-    twin = Twin(without_schedule("rig"), RunSettings(accuracy=ACCURACY), watchdog=watchdog)
+    twin = Twin(load_scene("rig").without_schedule(), RunSettings(accuracy=ACCURACY), watchdog=watchdog)
 
     def send(twin: Twin, *values: float) -> None:
         twin.receive("pressure_command", pressure_command(np.array(values)))
@@ -112,13 +102,6 @@ MAKERS: dict[str, Callable[[], tuple[Twin, Callable[[Twin], None]]]] = {
     "impulse": impulse,
     "fault": fault,
 }
-
-
-def without_schedule(name: str) -> Scene:
-    """Return a shipped scene in which only commands act."""
-    scene = load_scene(name)
-    text = scene.text[: scene.text.index("inputs:")] + scene.text[scene.text.index("sensors:") :]
-    return replace(parse_scene(text, name=name, origin=name), title=scene.title)
 
 
 def make(name: str, folder: Path) -> Path:

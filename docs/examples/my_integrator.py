@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators import INTEGRATORS
@@ -44,7 +43,7 @@ INTEGRATORS["heun"] = f"{__name__}:Heun"  # from now on scenes may name it
 
 def error(dt: float) -> float:
     """Return the largest error of P1 [m] in 0.2 s of the scene `single_spring` with a fixed step [s]."""
-    content = yaml.safe_load(load_scene("single_spring").text)
+    content = load_scene("single_spring").content
     exact = load_scene({**content, "solver": {"accuracy": 1.0e-9}}).build()
     simulation = load_scene({**content, "solver": {"integrator": "heun", "dt": dt}}).build()
     worst = 0.0

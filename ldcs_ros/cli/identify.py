@@ -61,8 +61,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError("identify needs --fit PATH, such as --fit effects.arms.joint_stiffness")
     if arguments.output is not None and arguments.output.exists():
         raise CommandLineError(f"{arguments.output} exists; name another file with -o")
-    import yaml
-
     from ldcs_ros.identify.experiments import read_experiment
     from ldcs_ros.identify.identify import identify
     from ldcs_ros.identify.parameters import parse_parameter
@@ -70,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     scene = scene_of(arguments.bags[0], arguments)
     mapping = given_mapping(arguments)
-    content = yaml.safe_load(scene.text)
+    content = scene.content
     parameters = [parse_parameter(text, content) for text in arguments.fit]
     read = [
         read_experiment(bag, scene, mapping=mapping, noise=arguments.noise)

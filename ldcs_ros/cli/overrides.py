@@ -37,19 +37,9 @@ def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[s
 
 def parse_value(text: str) -> Any:
     """The value that a text means in a scene file: number, list, word, true / false, null."""
-    import yaml
+    from ldcs_ros.schema.reader import read_yaml
 
     try:
-        return int(text)
-    except ValueError:
-        pass
-    try:
-        return float(text)  # YAML 1.1 takes 1e-6 for a word
-    except ValueError:
-        pass
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SceneError(
-            f"--set value '{text}' is not YAML: {error}; quote lists as in --set 'lattice.nodes=[17,17]'"
-        ) from error
+        return read_yaml(text, origin="--set", error=SceneError)
+    except SceneError as error:
+        raise SceneError(f"{error}; quote lists as in --set 'lattice.nodes=[17,17]'") from error

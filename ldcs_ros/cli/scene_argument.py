@@ -76,12 +76,10 @@ def changed_scene(scene: Any, overrides: Sequence[str]) -> Any:
     Raises:
         SceneError: It is not valid after the changes.
     """
-    import yaml
-
     from ldcs_ros.scene.load import parse_scene
+    from ldcs_ros.schema.reader import write_yaml
 
     if not overrides:
         return scene
-    content = apply_overrides(yaml.safe_load(scene.text), overrides)
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    return parse_scene(text, name=scene.name, origin=f"{scene.name} with --set")
+    content = apply_overrides(scene.content, overrides)
+    return parse_scene(write_yaml(content), name=scene.name, origin=f"{scene.name} with --set")

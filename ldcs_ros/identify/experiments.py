@@ -9,14 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
-from ldcs_ros.replay.session import without_schedule
 from ldcs_ros.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.series import Series
@@ -92,11 +90,11 @@ def read_experiment(
     if recorded is not None:
         run = timeline(recording, namespace=recorded.namespace, topics=dict(TOPICS))
         given = [(command.time * 1e-9, command.topic, command.cdr) for command in run.commands]
-        commands = _effective(given, without_schedule(scene), name)
-        schedule = tuple(yaml.safe_load(recorded.scene.text).get("inputs", ()))
+        commands = _effective(given, scene.without_schedule(), name)
+        schedule = tuple(recorded.scene.content.get("inputs", ()))
         settled, shift = recorded.settings.settled, recording.start * 1e-9
     else:
-        scene = without_schedule(scene)
+        scene = scene.without_schedule()
         commands, told = _converted(recording, meaning, scene, name)
         warnings += told
         schedule, settled, shift = (), meaning.initial == "rest", 0.0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ldcs_ros.identify.experiments import Experiment, IdentificationError
 from ldcs_ros.identify.fitting import Minimum, distinct, search
@@ -21,9 +20,10 @@ from ldcs_ros.identify.judgement import (
     score,
     scores,
 )
-from ldcs_ros.identify.parameters import FitParameter, check_parameters, values_at, with_values
+from ldcs_ros.identify.parameters import FitParameter, check_parameters, values_at
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.scene import Scene
+from ldcs_ros.schema.paths import with_values
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def identify(
     Raises:
         IdentificationError: The data cannot determine the parameters in principle, or nothing can be computed.
     """
-    content: dict[str, Any] = yaml.safe_load(scene.text)
+    content = scene.content
     count = sum(experiment.count for experiment in experiments)
     if not parameters or count <= len(parameters):
         raise IdentificationError(f"{count} measured numbers cannot determine {len(parameters)} parameters")

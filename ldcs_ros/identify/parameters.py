@@ -12,7 +12,7 @@ import numpy as np
 from ldcs_ros.errors import SceneError
 from ldcs_ros.identify.experiments import IdentificationError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.schema.paths import get_value, put_value
+from ldcs_ros.schema.paths import get_value, with_values
 
 SPAN = 4.0  # a parameter without bounds is looked for between a quarter and four times its value
 LOGARITHMIC = 4.0  # bounds whose ratio is at least this are searched on a logarithmic scale
@@ -108,16 +108,6 @@ def check_parameters(parameters: Sequence[FitParameter], content: dict[str, Any]
                 raise IdentificationError(
                     f"--fit {parameter.path}: the bound {bound:g} is refused: {error}"
                 ) from error
-
-
-def with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Return a copy of a scene's content with values at some paths."""
-    import copy
-
-    changed = copy.deepcopy(content)
-    for path, value in values.items():
-        put_value(changed, path, float(value))
-    return changed
 
 
 def values_at(parameters: Sequence[FitParameter], shares: np.ndarray) -> dict[str, float]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.identify.experiments import Experiment
-from ldcs_ros.identify.parameters import with_values
 from ldcs_ros.scene import load_scene
+from ldcs_ros.schema.paths import with_values
 from ldcs_ros.twin.commands import Commands
 
 # Adaptive steps change with the parameters, and the answer with them by up to the accuracy. At the usual 1e-5 m a

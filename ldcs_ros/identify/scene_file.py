@@ -8,12 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.identify.experiments import Experiment
 from ldcs_ros.identify.identify import Identification
 from ldcs_ros.identify.judgement import ParameterEstimate, Score
+from ldcs_ros.schema.reader import write_yaml
 
 WIDTH = 116
 
@@ -41,7 +40,7 @@ def scene_text(found: Identification, experiments: Sequence[Experiment], *, orig
     if len(found.minima) > 1:
         lines.append(f"{len(found.minima)} different minima were found; this is the best.")
     header = "\n".join(f"# {line}".rstrip() for part in lines for line in _wrapped(part))
-    body = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=WIDTH)
+    body = write_yaml(content, flow=None, width=WIDTH)
     return f"{header}\n{body}"
 
 

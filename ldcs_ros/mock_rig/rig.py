@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.faults import Faults
@@ -245,7 +244,7 @@ class MockRig:
 
 def hidden_scene(scene: Scene, hidden: Hidden) -> Scene:
     """Return a rig's scene: another one's with hidden parameters, valves left to the rig, and no schedule."""
-    content = yaml.safe_load(scene.text)
+    content = scene.content
     for effect in content["effects"]:
         if effect["type"] == "springs":
             effect["stiffness"] = hidden.stiffness * effect.get("stiffness", 80.0)

@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.replay.drive import Outcome, drive
 from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
-from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport
@@ -162,7 +159,7 @@ def _replay_foreign(
         ambient_pressure=mapping.ambient_pressure,
         settled=mapping.initial == "rest",
     )
-    twin = Twin(without_schedule(scene), settings)
+    twin = Twin(scene.without_schedule(), settings)
     start = round(twin.time * 1e9)
     # A scene may come to rest only later: the bag begins when it does.
     commands = [replace(command, time=command.time + start) for command in commands]
@@ -198,13 +195,3 @@ def _run(
         raise
     finally:
         recorder.close()
-
-
-def without_schedule(scene: Scene) -> Scene:
-    """Return the scene without its schedule of commands: a rig's bag says what was commanded, and when."""
-    if not scene.inputs:
-        return scene
-    content = yaml.safe_load(scene.text)
-    del content["inputs"]
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    return parse_scene(text, name=scene.name, origin=f"{scene.name} without its schedule")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import BridgeError, DivergenceError
-from ldcs_ros.rig.follower import Follower, unscheduled
+from ldcs_ros.rig.follower import Follower
 from ldcs_ros.rig.gate import Gate, GateState, Mode
 from ldcs_ros.rig.intake import Intake, Sample
 from ldcs_ros.rig.link import Link
@@ -63,7 +63,7 @@ class Bridge:
     ) -> None:
         self.rig, self.mode = rig, mode
         self._clock = clock
-        self.twin = Twin(unscheduled(scene), settings, sinks=sinks, diagnostics=False)
+        self.twin = Twin(scene.without_schedule(), settings, sinks=sinks, diagnostics=False)
         self.follower = Follower(self.twin)
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
         self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.rig.reading import ARM_NAMES
-from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.twin.twin import Twin
 
 _SMALLEST_CHANGE = (
@@ -98,11 +95,3 @@ class Follower:
                 return np.array((1.0 - share) * places[point] + share * after[1][point])
             after = (then, places)
         return None
-
-
-def unscheduled(scene: Scene) -> Scene:
-    """Return a scene without its schedule: beside a rig, the rig's commands are the only ones."""
-    content = yaml.safe_load(scene.text)
-    if not content.pop("inputs", None):
-        return scene
-    return replace(load_scene(content), name=scene.name)

@@ -78,6 +78,10 @@ class Scene:
         """Return the scene's effect of a name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
 
+    def without_schedule(self) -> Scene:
+        """Return the scene without its schedule of commands; the scene itself if it has none."""
+        return self.edited(inputs=None) if self.inputs else self
+
     def with_accuracy(self, accuracy: float) -> Scene:
         """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
         return self.edited(solver={"integrator": self.solver.integrator, "accuracy": accuracy})

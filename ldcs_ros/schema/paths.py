@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from ldcs_ros.errors import SceneError
@@ -55,6 +57,18 @@ def remove_value(content: dict[str, Any], path: str) -> None:
         holder.pop(last, None)
     else:
         del holder[_index(holder, last, walked, path)]
+
+
+def with_values(content: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy of a scene's content with values at some paths.
+
+    Raises:
+        SceneError: A path leads nowhere.
+    """
+    changed = copy.deepcopy(content)
+    for path, value in values.items():
+        put_value(changed, path, value)
+    return changed
 
 
 def _holder(content: dict[str, Any], path: str, said: str, *, make: bool) -> tuple[Any, str | int, str]:

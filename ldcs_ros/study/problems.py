@@ -14,12 +14,10 @@ WITH_LAW = {"arc_axiswise": ("arc", "axiswise")}
 
 def content_of(name: str, nodes: int | None = None) -> dict[str, Any]:
     """Return the content of a problem's scene, with nodes x nodes nodes if a number is given."""
-    import yaml
-
     from ldcs_ros.scene import load_scene
 
     shipped, law = WITH_LAW.get(name, (name, None))
-    content: dict[str, Any] = yaml.safe_load(load_scene(shipped).text)
+    content = load_scene(shipped).content
     if law is not None:
         next(effect for effect in content["effects"] if effect["type"] == "springs")["law"] = law
     if nodes is not None and content["lattice"]["nodes"] != [nodes, nodes]:

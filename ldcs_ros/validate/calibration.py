@@ -6,18 +6,16 @@ here is what was left. P0 and P1 come out of one model, the weights are the same
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy.optimize import least_squares
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.schema.paths import get_value, put_value
+from ldcs_ros.schema.paths import get_value, with_values
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.cases import CALIBRATED
 from ldcs_ros.validate.measure import MM, Rest, at_rest
@@ -107,8 +105,7 @@ class Fit:
 
 def calibrated_content() -> dict[str, Any]:
     """Return the shipped calibrated scene as plain values."""
-    content: dict[str, Any] = yaml.safe_load(load_scene(CALIBRATED).text)
-    return content
+    return load_scene(CALIBRATED).content
 
 
 def present(content: dict[str, Any], parameter: Parameter) -> float:
@@ -116,14 +113,9 @@ def present(content: dict[str, Any], parameter: Parameter) -> float:
     return 0.0 if parameter.path == SENSOR_HEIGHT else float(get_value(content, parameter.path))
 
 
-def with_values(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Return a copy of a scene with other values at some paths."""
-    changed = copy.deepcopy(content)
-    for path, value in values.items():
-        if path == SENSOR_HEIGHT:
-            continue
-        put_value(changed, path, float(value))
-    return changed
+def fitted_content(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
+    """Return a copy of a scene with fitted values; the height of the sensor is no part of a scene."""
+    return with_values(content, {path: value for path, value in values.items() if path != SENSOR_HEIGHT})
 
 
 def observe(content: dict[str, Any], values: dict[str, float] | None = None) -> np.ndarray:
@@ -133,7 +125,7 @@ def observe(content: dict[str, Any], values: dict[str, float] | None = None) -> 
         content: The scene.
         values: Values to put into it first, by path; `SENSOR_HEIGHT` is one, too.
     """
-    rest = at_rest(with_values(content, values or {}))
+    rest = at_rest(fitted_content(content, values or {}))
     height = (values or {}).get(SENSOR_HEIGHT, 0.0)
     p0, p1 = (rest.displacement[name] + _off_the_mid_plane(rest, name, height) for name in paper.POINTS)
     return np.array([p0[0], p0[2], p1[0], p1[2], 1e3 * rest.radius])
@@ -200,7 +192,11 @@ def fit(
     values = {p.path: float(v) for p, v in zip(parameters, found.x, strict=True)}
     seen = observe(content, values)
     return Fit(
-        values, with_values(content, values), seen, float(np.sum(((seen - target()) / sigma()) ** 2)), count
+        values,
+        fitted_content(content, values),
+        seen,
+        float(np.sum(((seen - target()) / sigma()) ** 2)),
+        count,
     )
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.scene import Scene, load_scene
-from ldcs_ros.schema.paths import get_value, put_value
-from ldcs_ros.validate.calibration import with_values
+from ldcs_ros.schema.paths import get_value, with_values
 from ldcs_ros.validate.measure import MM, at_rest, displacement
 
 DURATION, RATE = 3.0, 200  # s, samples a second
@@ -83,11 +82,8 @@ class Damped:
 
 def with_damping(content: dict[str, Any], damping: float) -> dict[str, Any]:
     """Return a scene with coefficient c [N s/m] in the sheet, and the arms' dampers scaled by the same factor."""
-    content = with_values(content, {})
     factor = damping / float(get_value(content, DAMPERS[0]))
-    for path in DAMPERS:
-        put_value(content, path, factor * float(get_value(content, path)))
-    return content
+    return with_values(content, {path: factor * float(get_value(content, path)) for path in DAMPERS})
 
 
 def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iterator[Damped]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.schema.paths import with_values
 from ldcs_ros.validate.calibration import (
     OPEN,
     PARAMETERS,
@@ -15,10 +16,10 @@ from ldcs_ros.validate.calibration import (
     Fit,
     Parameter,
     fit,
+    fitted_content,
     sigma,
     slopes,
     target,
-    with_values,
 )
 
 Progress = Callable[[str], None]
@@ -115,7 +116,7 @@ def profile(content: dict[str, Any], path: str, values: list[float]) -> Iterator
     """Yield the best fit of the other parameters with one held at each of some values."""
     others = tuple(p for p in PARAMETERS if p.path != path)
     for value in values:
-        yield value, fit(with_values(content, {path: value}), others)
+        yield value, fit(fitted_content(content, {path: value}), others)
 
 
 @dataclass(frozen=True)
@@ -166,15 +167,4 @@ def compare_structures(content: dict[str, Any], progress: Progress) -> Iterator[
     """Yield each structure of `STRUCTURES` with its best fit; `progress` is called with the title of each."""
     for structure in STRUCTURES:
         progress(structure.title)
-        yield structure, fit(_changed(content, structure.changes), structure.parameters)
-
-
-def _changed(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    import copy
-
-    from ldcs_ros.schema.paths import put_value
-
-    changed = copy.deepcopy(content)
-    for path, value in changes.items():
-        put_value(changed, path, value)
-    return changed
+        yield structure, fit(with_values(content, structure.changes), structure.parameters)

@@ -36,7 +36,7 @@ def test_a_tether_from_outside_the_package_carries_the_sheet(tmp_path):
 def test_the_command_line_runs_and_replays_a_scene_with_an_effect_from_outside(tmp_path):
     program = "import my_effect, sys; from ldcs_ros.cli.main import main; sys.exit(main())"
     assert program in (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
-    scene = yaml.safe_load(load_scene("hanging_sheet").text)
+    scene = load_scene("hanging_sheet").content
     scene["effects"].append({"type": "tether", "at": "P1"})
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
     paths = os.pathsep.join([str(EXAMPLES), os.environ.get("PYTHONPATH", "")])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -84,7 +83,7 @@ def test_a_rigs_gain_is_found_with_noise_estimated_from_its_own_data(rig_bag, gu
     assert experiment.settled and experiment.schedule == ()
     assert "estimated" in experiment.noise_origin
     assert experiment.noise == pytest.approx(NOISE, rel=0.25)
-    parameter = parse_parameter("effects.arms.pressure_gain", yaml.safe_load(guess.text))
+    parameter = parse_parameter("effects.arms.pressure_gain", guess.content)
     found = identify(guess, [experiment], [parameter], starts=2, processes=1)
     (gain,) = found.estimates
     assert gain.low < 0.9e-6 < gain.high

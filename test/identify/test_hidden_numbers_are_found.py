@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.bags import read_bag
@@ -20,7 +19,7 @@ from .conftest import HIDDEN
 
 @pytest.fixture(scope="module")
 def parameters(guess):
-    content = yaml.safe_load(guess.text)
+    content = guess.content
     return [parse_parameter(path, content) for path in HIDDEN]
 
 

@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
@@ -27,7 +26,7 @@ from .conftest import SCHEDULES, record, small_scene
 
 @pytest.fixture(scope="module")
 def content(guess):
-    return yaml.safe_load(guess.text)
+    return guess.content
 
 
 def test_a_parameter_without_bounds_is_looked_for_around_its_value(content):
@@ -92,7 +91,7 @@ def test_a_run_from_rest_is_predicted_from_rest(tmp_path, guess):
     truth = small_scene(SCHEDULES["a"])
     experiment = read_experiment(record(tmp_path / "rest", truth, seed=4, settle=True), guess)
     assert experiment.settled
-    gap = predict(yaml.safe_load(guess.text), experiment) - experiment.position
+    gap = predict(guess.content, experiment) - experiment.position
     assert np.abs(gap).max() < 6e-4
 
 
@@ -107,7 +106,7 @@ def test_a_controller_that_repeats_itself_costs_and_changes_nothing(tmp_path, gu
     recorder.close()
     experiment = read_experiment(tmp_path / "bag", guess)
     assert [round(time, 6) for time, _, _ in experiment.commands] == [0.0, 0.2]
-    gap = predict(yaml.safe_load(guess.text), experiment) - experiment.position
+    gap = predict(guess.content, experiment) - experiment.position
     assert np.abs(gap).max() < 6e-4
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators.implicit import system as linear
@@ -13,7 +12,7 @@ from ldcs_ros.physics.compiled import HAVE_NUMBA
 
 
 def _simulation(scene, nodes, **springs):
-    content = yaml.safe_load(load_scene(scene).text)
+    content = load_scene(scene).content
     content["lattice"]["nodes"] = nodes
     content["effects"][0].update(springs)
     return load_scene(content).build()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError, SolverError
@@ -19,13 +18,13 @@ PLAIN = ("semi_implicit_euler", "rk4")
 
 
 def with_solver(scene, **solver):
-    content = yaml.safe_load(load_scene(scene).text)
+    content = load_scene(scene).content
     return load_scene({**content, "solver": solver})
 
 
 def small(scene):
     """A scene with fewer nodes, so that dense matrices are cheap."""
-    content = yaml.safe_load(load_scene(scene).text)
+    content = load_scene(scene).content
     content["lattice"]["nodes"] = [min(n, 5) for n in content["lattice"]["nodes"]]
     content["points"] = {"P1": ["mid", "free_edge"]}
     content.pop("sensors", None)
@@ -101,7 +100,7 @@ def test_a_fixed_step_above_the_limit_is_refused_with_the_number():
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_limit_that_falls_during_a_run_ends_it_instead_of_giving_rubbish(name):
     # A wide gap closes: the sheet falls onto a floor that is 100 times as stiff as its springs.
-    content = yaml.safe_load(load_scene("hanging_sheet").text)
+    content = load_scene("hanging_sheet").content
     content["effects"] = [
         {"type": "springs", "stiffness": 80.0, "damping": 0.05},
         {"type": "gravity"},

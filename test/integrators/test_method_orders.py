@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators import INTEGRATORS, integrator_class
@@ -59,7 +58,7 @@ def test_the_stated_order_is_the_measured_one_on_a_damped_oscillator(name):
 
 
 def _sheet(law):
-    content = yaml.safe_load(load_scene("arc").text)
+    content = load_scene("arc").content
     content["effects"][0]["law"] = law
     return load_scene(content).build().model
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import SolverError
@@ -13,7 +12,7 @@ from ldcs_ros.integrators.rosenbrock_w import ALPHA, COUPLING, EMBEDDED, WEIGHTS
 
 
 def linear_arc(**solver):
-    content = yaml.safe_load(load_scene("arc").text)
+    content = load_scene("arc").content
     content["effects"][0]["law"] = "axiswise"
     return load_scene({**content, "solver": solver})
 
@@ -35,14 +34,14 @@ def test_the_rosenbrock_method_meets_the_conditions_of_order_three_for_any_matri
 
 def test_the_rosenbrock_method_keeps_factors():
     simulation = load_scene("arc").build().scene
-    content = yaml.safe_load(simulation.text)
+    content = simulation.content
     simulation = load_scene({**content, "solver": {"integrator": "rosenbrock_w", "accuracy": 1e-6}}).build()
     simulation.advance_to(0.5)
     assert simulation.statistics.factorisations < 0.8 * simulation.statistics.steps
 
 
 def test_the_exponential_method_is_exact_for_constant_loads_at_any_step():
-    content = yaml.safe_load(load_scene("single_spring").text)
+    content = load_scene("single_spring").content
     reference = load_scene(content).with_accuracy(1e-10).build()
     simulation = load_scene({**content, "solver": {"integrator": "exponential", "dt": 0.5}}).build()
     for twin in (reference, simulation):
@@ -61,7 +60,7 @@ def test_the_exponential_method_agrees_with_the_default_one_on_a_driven_sheet():
 
 @pytest.mark.parametrize("scene", ["arc", "paper"])
 def test_the_exponential_method_refuses_scenes_that_are_not_linear(scene):
-    content = yaml.safe_load(load_scene(scene).text)
+    content = load_scene(scene).content
     with pytest.raises(SolverError, match="'springs' with law 'axial' is not linear.*integrator: auto"):
         load_scene({**content, "solver": {"integrator": "exponential"}}).build()
     content["effects"][0]["law"] = "axiswise"
@@ -71,7 +70,7 @@ def test_the_exponential_method_refuses_scenes_that_are_not_linear(scene):
 
 
 def test_scipys_radau_confirms_the_default_method_with_arms():
-    content = yaml.safe_load(load_scene("paper").text)
+    content = load_scene("paper").content
     radau = load_scene({**content, "solver": {"integrator": "radau", "accuracy": 1e-6}}).build()
     ours = load_scene("paper").with_accuracy(1e-7).build()
     for twin in (radau, ours):
@@ -81,7 +80,7 @@ def test_scipys_radau_confirms_the_default_method_with_arms():
 
 @pytest.mark.parametrize("name", [name for name in INTEGRATORS if name not in ("exponential", "radau")])
 def test_a_run_with_any_method_goes_on_from_a_state_to_the_bit(name):
-    content = yaml.safe_load(load_scene("paper").text)
+    content = load_scene("paper").content
     simulation = load_scene({**content, "solver": {"integrator": name, "accuracy": 1e-4}}).build()
     simulation.advance_to(0.002)
     state = simulation.state

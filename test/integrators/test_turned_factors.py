@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators.implicit.system import LinearSystem
@@ -13,7 +12,7 @@ RATE_STEP = 0.01
 
 
 def _moving(scene, nodes=None, **springs):
-    content = yaml.safe_load(load_scene(scene).text)
+    content = load_scene(scene).content
     if nodes:
         content["lattice"]["nodes"] = nodes
     content["effects"][0].update(springs)
@@ -74,7 +73,7 @@ def test_factors_of_another_step_are_scaled():
 def test_a_finer_lattice_of_the_same_material_takes_no_more_steps():
     steps = []
     for n in (9, 17, 33):
-        content = yaml.safe_load(load_scene("arc_material").text)
+        content = load_scene("arc_material").content
         content["lattice"]["nodes"] = [n, n]
         content["solver"] = {"integrator": "auto", "accuracy": 2e-5}
         simulation = load_scene(content).build()

@@ -14,7 +14,7 @@ from rig_bag import WALL, array, fluid, transform, wrench, write
 from ldcs_ros.bags import BagWriter, read_bag
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.messages import pressure_command
-from ldcs_ros.replay.session import Changes, replay, without_schedule
+from ldcs_ros.replay.session import Changes, replay
 from ldcs_ros.replay.session import replay as run_replay
 from ldcs_ros.signals import MappingError
 from ldcs_ros.signals.mapping import parse_mapping
@@ -56,7 +56,7 @@ def test_names_units_and_order_of_arms_come_from_the_mapping(tmp_path, pneumatic
 def test_the_twin_goes_as_if_somebody_had_commanded_it(tmp_path, pneumatic):
     source = write(tmp_path / "rig", [("/p", WALL, array([0.0])), ("/p", WALL + 130 * MS, array([6e4]))])
     done = run(source, tmp_path, pneumatic, mapping({"topic": "/p", "to": "pressure_command"}))
-    twin = Twin(without_schedule(pneumatic))
+    twin = Twin(pneumatic.without_schedule())
     twin.advance_to(0.13)
     twin.receive("pressure_command", pressure_command([6e4, 6e4]))
     twin.advance_to(0.13)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from ldcs_ros.schema.paths import put_value
+from ldcs_ros.schema.paths import with_values
 
 Content = dict[str, Any]
 
@@ -64,8 +64,6 @@ FALLING: Content = {
 
 def changed(scene: Content, values: Content | None = None, *, add: tuple[Content, ...] = ()) -> Content:
     """Return a copy of a scene with values put at paths (`effects.springs.stiffness`) and effects added."""
-    result = copy.deepcopy(scene)
-    for path, value in (values or {}).items():
-        put_value(result, path, value)
+    result = with_values(scene, values or {})
     result["effects"] += copy.deepcopy(list(add))
     return result
