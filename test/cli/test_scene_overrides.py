@@ -55,7 +55,7 @@ def test_the_content_it_is_given_stays_as_it_was():
         ("lattice.nodes.x=1", "scene.lattice.nodes"),
         ("effects[0].stiffness.x=1", "has no place 'x'"),
         ("effects[x].y=1", "cannot read the path"),
-        ("lattice.nodes=[1", "is not YAML"),
+        ("lattice.nodes=[1", "not valid YAML"),
     ],
 )
 def test_a_path_that_leads_nowhere_is_named(override, complaint):
