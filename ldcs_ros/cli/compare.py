@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.compare.report import as_dict, summary, write_report
     from ldcs_ros.compare.tolerances import load_tolerances
     from ldcs_ros.plotting.comparison import draw_comparison
-    from ldcs_ros.plotting.style import LOOKS
+    from ldcs_ros.plotting.style import STYLES
     from ldcs_ros.signals import load_mapping
 
     offset, estimate = _offset(arguments.offset)
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     comparison = compare(read_bag(arguments.a), read_bag(arguments.b), options)
     folder = arguments.output or arguments.a.with_name(f"{arguments.a.stem}_vs_{arguments.b.stem}")
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = draw_comparison(comparison, folder, kind=arguments.format, look=LOOKS[arguments.width])
+    pictures = draw_comparison(comparison, folder, kind=arguments.format, style=STYLES[arguments.width])
     files = [write_report(comparison, folder, pictures), *pictures]
     if arguments.json:
         print_json(as_dict(comparison, [str(path) for path in files]))

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the pictures and print their paths; exit status 0."""
     from ldcs_ros.bags import read_bag
     from ldcs_ros.plotting.pictures import draw
-    from ldcs_ros.plotting.style import LOOKS
+    from ldcs_ros.plotting.style import STYLES
 
     recording = read_bag(arguments.bag)
     folder = arguments.output or arguments.bag.with_name(f"{arguments.bag.stem}_plots")
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
             times=arguments.times,
             animate=arguments.animate,
             kind=arguments.format,
-            look=LOOKS[arguments.width],
+            style=STYLES[arguments.width],
             progress=lambda done, total: bar.show(done / total),
         )
     if arguments.json:

@@ -76,8 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(recording: Any, path: Path, arguments: argparse.Namespace) -> int:
-    from ldcs_ros.viewing.showing import open_browser, save_picture, until_stopped
-    from ldcs_ros.viewing.site import bag_site
+    from ldcs_ros.viewing.browser_session import open_browser, save_picture, until_stopped
+    from ldcs_ros.viewing.web_server import bag_site
 
     if (picture := arguments.screenshot) is not None:
         written = _write(recording, path, arguments, play="following")

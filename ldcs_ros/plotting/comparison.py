@@ -23,11 +23,11 @@ from ldcs_ros.plotting.style import (
     PAGE,
     SCREEN,
     SOFT_INK,
-    Look,
-    dress,
-    heading,
+    FigureStyle,
+    add_title,
     new_figure,
     save_figure,
+    style_axes,
 )
 
 _ON_SCREEN = 9.2  # inches of width
@@ -45,7 +45,7 @@ class _Line(NamedTuple):
     rms: float
 
 
-def channels_figure(comparison: Comparison, look: Look = SCREEN) -> Figure | None:
+def channels_figure(comparison: Comparison, style: FigureStyle = SCREEN) -> Figure | None:
     """Draw a row for each point, for the pressures and for the joints: both sides, and beside it the difference.
 
     In one column of print the difference stands under both sides.
@@ -53,29 +53,29 @@ def channels_figure(comparison: Comparison, look: Look = SCREEN) -> Figure | Non
     rows = _rows(comparison)
     if not rows:
         return None
-    width = _ON_SCREEN if look.headed else look.width
+    width = _ON_SCREEN if style.headed else style.width
     columns = 2 if width > 5.0 else 1
     lines = len(rows) * 2 // columns
-    foot, head = look.inches(3.8), look.inches(5.7 if look.headed else 2.2)
-    height = 0.88 * look.row * lines + head + foot
+    foot, head = style.inches(3.8), style.inches(5.7 if style.headed else 2.2)
+    height = 0.88 * style.row * lines + head + foot
     whole = new_figure(width, height)
     grid = whole.add_gridspec(
         lines,
         columns,
-        left=look.inches(5.3) / width,
-        right=1.0 - look.inches(1.0) / width,
+        left=style.inches(5.3) / width,
+        right=1.0 - style.inches(1.0) / width,
         bottom=foot / height,
         top=1.0 - head / height,
-        hspace=0.42 if look.headed else 0.5,
+        hspace=0.42 if style.headed else 0.5,
         wspace=0.24,
     )
     for number_of_row, (title, channels) in enumerate(rows):
         both, apart = (whole.add_subplot(grid[divmod(2 * number_of_row + k, columns)]) for k in (0, 1))
         last = number_of_row == len(rows) - 1
-        _draw_row(both, apart, title, channels, comparison, last=last, look=look)
+        _draw_row(both, apart, title, channels, comparison, last=last, style=style)
     a, b = comparison.a.name, comparison.b.name
     note = f"lines: {a}   dots: {b}   clock offset {milliseconds(comparison.offset.value)}, {comparison.offset.reason}"
-    heading(whole, f"{a} against {b}", note, look)
+    add_title(whole, f"{a} against {b}", note, style)
     return whole
 
 
@@ -97,7 +97,7 @@ def _draw_row(
     comparison: Comparison,
     *,
     last: bool,
-    look: Look,
+    style: FigureStyle,
 ) -> None:
     si = channels[0].unit
     shown, factor = SHOWN[si]
@@ -107,39 +107,45 @@ def _draw_row(
     for line in lines:
         # From where A begins: a picture of a motion, not of a place.
         origin = line.a[0] if si == "m" else 0.0
-        both.plot(line.time, factor * (line.a - origin), color=line.colour, linewidth=1.5 * look.scale)
+        both.plot(line.time, factor * (line.a - origin), color=line.colour, linewidth=1.5 * style.scale)
         every = max(1, len(line.time) // 60)
         dots: dict[str, Any] = {"color": line.colour, "linestyle": "none", "alpha": 0.75}
-        dots |= {"marker": "o", "markersize": 2.6 * look.scale}
+        dots |= {"marker": "o", "markersize": 2.6 * style.scale}
         both.plot(line.time[::every], factor * (line.b - origin)[::every], **dots)
         label = f"{line.label}  {three_digits(fine * line.rms)}" if len(lines) <= _MOST_NAMED else ""
         apart.plot(
-            line.time, fine * (line.a - line.b), color=line.colour, linewidth=1.2 * look.scale, label=label
+            line.time, fine * (line.a - line.b), color=line.colour, linewidth=1.2 * style.scale, label=label
         )
     apart.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
     what = {"m": "displacement", "Pa": "gauge pressure", "rad": "angle"}[si]
     x_label = f"time of {comparison.a.name} [s]" if last else ""
     beside = both.get_position().y0 == apart.get_position().y0
-    dress(both, x_label=x_label if beside else "", y_label=f"{what} [{shown}]", title=title, look=look)
-    dress(apart, x_label=x_label, y_label=f"difference [{fine_unit}]", look=look)
+    style_axes(both, x_label=x_label if beside else "", y_label=f"{what} [{shown}]", title=title, style=style)
+    style_axes(apart, x_label=x_label, y_label=f"difference [{fine_unit}]", style=style)
     for axes in (both, apart):
         axes.margins(x=0.01, y=0.12)
     if fine * largest < NOTHING:
         apart.set_ylim(-1.0, 1.0)  # rounding is no difference: nobody need look at it through a lens
-    _key(apart, lines, fine_unit, fine, look)
+    _key(apart, lines, fine_unit, fine, style)
 
 
-def _key(apart: Axes, lines: list[_Line], unit: str, factor: float, look: Look) -> None:
-    style: dict[str, Any] = {"fontsize": look.label, "color": INK, "pad": 6.0 if look.headed else 3.0}
+def _key(apart: Axes, lines: list[_Line], unit: str, factor: float, style: FigureStyle) -> None:
+    text_options: dict[str, Any] = {
+        "fontsize": style.label,
+        "color": INK,
+        "pad": 6.0 if style.headed else 3.0,
+    }
     if len(lines) > _MOST_NAMED:
         rms = factor * float(np.sqrt(np.mean([line.rms**2 for line in lines])))
-        apart.set_title(f"RMS {three_digits(rms)} {unit} over {len(lines)} channels", loc="right", **style)
+        apart.set_title(
+            f"RMS {three_digits(rms)} {unit} over {len(lines)} channels", loc="right", **text_options
+        )
         return
     apart.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 0.98),
         ncol=_MOST_NAMED,
-        fontsize=look.label if len(lines) < _MOST_NAMED else look.tick,
+        fontsize=style.label if len(lines) < _MOST_NAMED else style.tick,
         labelcolor=INK,
         frameon=False,
         handlelength=0.8,
@@ -148,7 +154,7 @@ def _key(apart: Axes, lines: list[_Line], unit: str, factor: float, look: Look) 
         borderpad=0.0,
     )
     # With four names there is no room for more than their unit.
-    apart.set_title(f"RMS [{unit}]" if len(lines) < _MOST_NAMED else f"[{unit}]", loc="left", **style)
+    apart.set_title(f"RMS [{unit}]" if len(lines) < _MOST_NAMED else f"[{unit}]", loc="left", **text_options)
 
 
 def _lines(channels: list[ChannelDifference]) -> list[_Line]:
@@ -205,53 +211,55 @@ _WITHOUT_HEADING = 1.12  # what is below the heading fills its place
 _VIEW = {"elev": 28.0, "azim": -125.0}  # as in the pictures of the surface itself
 
 
-def surface_error_figure(surface: FieldDifference, a: str, b: str, look: Look = SCREEN) -> Figure:
+def surface_error_figure(surface: FieldDifference, a: str, b: str, style: FigureStyle = SCREEN) -> Figure:
     """Draw the distance of the nodes of one recording from where the other has them.
 
     Args:
         surface: The difference.
         a, b: Names of the recordings.
-        look: Sizes; in print it is always as wide as a page.
+        style: Sizes; in print it is always as wide as a page.
     """
     # Its parts stand where they do whatever the size; letters shrink less than the picture does.
-    whole = new_figure(11.4, 4.0) if look.headed else new_figure(PAGE.width, 0.32 * PAGE.width)
+    whole = new_figure(11.4, 4.0) if style.headed else new_figure(PAGE.width, 0.32 * PAGE.width)
     unit, factor = scale(surface.statistics.max, "m")
     distance = factor * surface.distance[surface.worst]
     time = float(surface.time[surface.worst])
     norm = Normalize(0.0, max(float(distance.max()), 1e-12))
-    left = _PARTS_ON_SCREEN if look.headed else _PARTS_IN_PRINT
-    up = 1.0 if look.headed else _WITHOUT_HEADING
+    left = _PARTS_ON_SCREEN if style.headed else _PARTS_IN_PRINT
+    up = 1.0 if style.headed else _WITHOUT_HEADING
     sheet: Any = whole.add_axes((left.sheet, 0.02, 0.35, 0.80 * up), projection="3d")
-    _draw_sheet(sheet, 1e3 * surface.place[1], distance[1], norm, look)
+    _draw_sheet(sheet, 1e3 * surface.place[1], distance[1], norm, style)
     bar = whole.colorbar(
         ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=whole.add_axes((left.key, 0.2 * up, 0.009, 0.5 * up))
     )
-    _dress_bar(bar, f"distance [{unit}]", look)
-    _caption(whole, max(left.sheet, 0.02), f"worst moment, t = {time:.3f} s, top layer", look)
+    _style_bar(bar, f"distance [{unit}]", style)
+    _caption(whole, max(left.sheet, 0.02), f"worst moment, t = {time:.3f} s, top layer", style)
     plan = whole.add_axes((left.plan, 0.16 * up, left.plan_key - left.plan - 0.007, 0.60 * up))
-    image = _draw_map(plan, factor * surface.rms_over_time, look)
+    image = _draw_map(plan, factor * surface.rms_over_time, style)
     bar = whole.colorbar(image, cax=whole.add_axes((left.plan_key, 0.2 * up, 0.009, 0.5 * up)))
-    _dress_bar(bar, f"RMS over time [{unit}]", look)
-    _caption(whole, left.plan, "every node, over all moments", look)
+    _style_bar(bar, f"RMS over time [{unit}]", style)
+    _caption(whole, left.plan, "every node, over all moments", style)
     course = whole.add_axes((left.course, 0.16 * up, 0.99 - left.course, 0.60 * up))
-    _draw_course(course, surface, factor, unit, look)
-    _caption(whole, left.course, "all nodes, against time", look)
+    _draw_over_time(course, surface, factor, unit, style)
+    _caption(whole, left.course, "all nodes, against time", style)
     found = surface.statistics
     note = (
         f"RMS {three_digits(factor * found.rms)} {unit}, 95 % below {three_digits(factor * found.p95)} {unit}, "
         f"at most {three_digits(factor * found.max)} {unit}"
     )
-    heading(whole, f"Surface: {a} against {b}", note, look)
+    add_title(whole, f"Surface: {a} against {b}", note, style)
     return whole
 
 
-def _draw_sheet(axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normalize, look: Look) -> None:
+def _draw_sheet(
+    axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normalize, style: FigureStyle
+) -> None:
     corners = [place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]]
     quads = np.stack(corners, axis=2).reshape(-1, 4, 3)
     mean = 0.25 * (distance[:-1, :-1] + distance[1:, :-1] + distance[1:, 1:] + distance[:-1, 1:])
     colours = ScalarMappable(norm=norm, cmap=ERROR_MAP).to_rgba(mean.ravel())
     axes.add_collection3d(
-        Poly3DCollection(quads, facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4 * look.scale)
+        Poly3DCollection(quads, facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4 * style.scale)
     )
     low, high = place.min(axis=(0, 1)), place.max(axis=(0, 1))
     high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
@@ -263,37 +271,39 @@ def _draw_sheet(axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normal
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.line.set_color(SOFT_INK)
         axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.set_label_text(f"{name} [mm]", fontsize=look.label - 1.0, color=INK)
-        axis.labelpad = -4.0 if look.headed else -8.0
+        axis.set_label_text(f"{name} [mm]", fontsize=style.label - 1.0, color=INK)
+        axis.labelpad = -4.0 if style.headed else -8.0
     axes.zaxis.set_rotate_label(False)
     axes.zaxis.label.set_rotation(90)
     axes.locator_params(nbins=4)
-    axes.tick_params(labelsize=look.tick - 1.5, colors=SOFT_INK, pad=-3 if look.headed else -4.5)
+    axes.tick_params(labelsize=style.tick - 1.5, colors=SOFT_INK, pad=-3 if style.headed else -4.5)
 
 
-def _draw_map(axes: Axes, rms: np.ndarray, look: Look) -> Any:
+def _draw_map(axes: Axes, rms: np.ndarray, style: FigureStyle) -> Any:
     nx, ny = rms.shape
     top = max(float(rms.max()), 1e-12)
     extent = (-0.5, nx - 0.5, -0.5, ny - 0.5)
     image = axes.imshow(
         rms.T, origin="lower", extent=extent, cmap=ERROR_MAP, vmin=0.0, vmax=top, aspect="equal"
     )
-    axes.set_xlabel("node i, from the clamp to the free edge", fontsize=look.label - 1.0, color=INK)
-    axes.set_ylabel("node j", fontsize=look.label - 1.0, color=INK)
-    axes.tick_params(labelsize=look.tick, colors=SOFT_INK, length=2)
+    axes.set_xlabel("node i, from the clamp to the free edge", fontsize=style.label - 1.0, color=INK)
+    axes.set_ylabel("node j", fontsize=style.label - 1.0, color=INK)
+    axes.tick_params(labelsize=style.tick, colors=SOFT_INK, length=2)
     for spine in axes.spines.values():
         spine.set_visible(False)
     return image
 
 
-def _draw_course(axes: Axes, surface: FieldDifference, factor: float, unit: str, look: Look) -> None:
+def _draw_over_time(
+    axes: Axes, surface: FieldDifference, factor: float, unit: str, style: FigureStyle
+) -> None:
     largest = surface.distance.max(axis=(1, 2, 3))
     marker = "o" if len(surface.time) == 1 else ""
     axes.plot(
         surface.time,
         factor * largest,
         color=LINE_COLOURS[1],
-        linewidth=1.3 * look.scale,
+        linewidth=1.3 * style.scale,
         marker=marker,
         label="largest",
     )
@@ -301,15 +311,15 @@ def _draw_course(axes: Axes, surface: FieldDifference, factor: float, unit: str,
         surface.time,
         factor * surface.rms_over_nodes,
         color=LINE_COLOURS[0],
-        linewidth=1.6 * look.scale,
+        linewidth=1.6 * style.scale,
         marker=marker,
         label="RMS",
     )
-    dress(axes, x_label="time [s]", y_label=f"distance [{unit}]", look=look)
+    style_axes(axes, x_label="time [s]", y_label=f"distance [{unit}]", style=style)
     axes.set_ylim(bottom=0.0)
     axes.margins(x=0.01)
     axes.legend(
-        fontsize=look.label,
+        fontsize=style.label,
         frameon=False,
         loc="lower right",
         bbox_to_anchor=(1.02, 0.98),
@@ -318,19 +328,19 @@ def _draw_course(axes: Axes, surface: FieldDifference, factor: float, unit: str,
     )
 
 
-def _dress_bar(bar: Any, label: str, look: Look) -> None:
-    bar.set_label(label, fontsize=look.label, color=INK)
-    bar.ax.tick_params(labelsize=look.tick, colors=SOFT_INK, length=2)
+def _style_bar(bar: Any, label: str, style: FigureStyle) -> None:
+    bar.set_label(label, fontsize=style.label, color=INK)
+    bar.ax.tick_params(labelsize=style.tick, colors=SOFT_INK, length=2)
     bar.outline.set_visible(False)
 
 
-def _caption(figure: Figure, left: float, text: str, look: Look) -> None:
-    height = 0.82 if look.headed else 0.82 * _WITHOUT_HEADING
-    figure.text(left, height, text, fontsize=look.label, color=INK, va="bottom")
+def _caption(figure: Figure, left: float, text: str, style: FigureStyle) -> None:
+    height = 0.82 if style.headed else 0.82 * _WITHOUT_HEADING
+    figure.text(left, height, text, fontsize=style.label, color=INK, va="bottom")
 
 
 def draw_comparison(
-    comparison: Comparison, folder: Path, *, kind: str = "png", look: Look = SCREEN
+    comparison: Comparison, folder: Path, *, kind: str = "png", style: FigureStyle = SCREEN
 ) -> list[Path]:
     """Write the pictures of a comparison into a folder that exists, and return their paths.
 
@@ -338,13 +348,13 @@ def draw_comparison(
         comparison: The comparison.
         folder: The folder.
         kind: Format: 'png', 'pdf', 'svg'.
-        look: Their sizes, for a screen or for print.
+        style: Their sizes, for a screen or for print.
     """
     written = []
-    channels = channels_figure(comparison, look)
+    channels = channels_figure(comparison, style)
     if channels is not None:
-        written.append(save_figure(channels, folder / f"compare.{kind}", look))
+        written.append(save_figure(channels, folder / f"compare.{kind}", style))
     if comparison.surface is not None:
-        figure = surface_error_figure(comparison.surface, comparison.a.name, comparison.b.name, look)
-        written.append(save_figure(figure, folder / f"surface_error.{kind}", look))
+        figure = surface_error_figure(comparison.surface, comparison.a.name, comparison.b.name, style)
+        written.append(save_figure(figure, folder / f"surface_error.{kind}", style))
     return written

@@ -9,7 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ldcs_ros.plotting.style import LINE_COLOURS, SCREEN, SOFT_INK, Look, dress, heading, new_figure
+from ldcs_ros.plotting.style import (
+    LINE_COLOURS,
+    SCREEN,
+    SOFT_INK,
+    FigureStyle,
+    add_title,
+    new_figure,
+    style_axes,
+)
 from ldcs_ros.signals.tracks import Track
 
 KPA = 1e-3
@@ -20,7 +28,7 @@ def drives_figure(
     joints: tuple[tuple[str, ...], Track, Track] | None,
     *,
     title: str,
-    look: Look = SCREEN,
+    style: FigureStyle = SCREEN,
 ) -> Figure | None:
     """Draw pressures, joint torques and joint angles, a panel each; None if nothing drives the sheet.
 
@@ -28,7 +36,7 @@ def drives_figure(
         pressures: Absolute pressures [Pa], shape (n,), by arm.
         joints: Joint names, angles [rad] and torques [N m], shape (n, n_joints) each.
         title: Heading of the figure.
-        look: Sizes.
+        style: Sizes.
     """
     panels: list[tuple[str, dict[str, Track]]] = []
     if pressures:
@@ -40,14 +48,14 @@ def drives_figure(
         panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
     if not panels:
         return None
-    foot, head = look.inches(3.8), look.inches(3.8 if look.headed else 0.8)
-    height = 0.92 * look.row * len(panels) + (0.8 if look.headed else foot + head)
-    figure = new_figure(look.width, height)
+    foot, head = style.inches(3.8), style.inches(3.8 if style.headed else 0.8)
+    height = 0.92 * style.row * len(panels) + (0.8 if style.headed else foot + head)
+    figure = new_figure(style.width, height)
     grid = figure.add_gridspec(
         len(panels),
         1,
-        left=look.inches(5.67) / look.width,
-        right=1.0 - look.inches(10.8) / look.width,
+        left=style.inches(5.67) / style.width,
+        right=1.0 - style.inches(10.8) / style.width,
         bottom=foot / height,
         top=1.0 - head / height,
         hspace=0.16,
@@ -62,10 +70,10 @@ def drives_figure(
                 track.time,
                 track.value,
                 label=_label(group, lines),
-                linewidth=1.6 * look.scale,
+                linewidth=1.6 * style.scale,
                 **_line_style(group[0], lines),
             )
-        dress(axes, x_label="time [s]" if last else "", y_label=label, look=look)
+        style_axes(axes, x_label="time [s]" if last else "", y_label=label, style=style)
         axes.tick_params(labelbottom=last)
         axes.margins(x=0.0, y=0.1)
         if not label.startswith("pressure"):
@@ -74,11 +82,11 @@ def drives_figure(
             loc="center left",
             bbox_to_anchor=(1.01, 0.5),
             frameon=False,
-            fontsize=look.label - 1.0,
+            fontsize=style.label - 1.0,
             labelspacing=0.35,
-            handlelength=2.0 * look.scale,
+            handlelength=2.0 * style.scale,
         )
-    heading(figure, title, look=look)
+    add_title(figure, title, style=style)
     return figure
 
 

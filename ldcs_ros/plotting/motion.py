@@ -14,8 +14,8 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.plotting.style import INK, LABEL_SIZE, LOAD_COLOUR, SURFACE_MAP, heading, new_figure
-from ldcs_ros.plotting.subject import Subject
+from ldcs_ros.plotting.annotations import Annotations
+from ldcs_ros.plotting.style import INK, LABEL_SIZE, LOAD_COLOUR, SURFACE_MAP, add_title, new_figure
 from ldcs_ros.plotting.surface import add_colour_bar, common_frame, draw_surface
 from ldcs_ros.signals.tracks import SurfaceTrack
 
@@ -43,13 +43,17 @@ def check_kind(kind: str) -> None:
 
 
 def save_motion(
-    track: SurfaceTrack, subject: Subject, path: Path, *, progress: Callable[[int, int], None] | None = None
+    track: SurfaceTrack,
+    annotations: Annotations,
+    path: Path,
+    *,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Draw the recorded motion into `path`, a .gif or an .mp4; the file appears whole or not at all.
 
     Args:
         track: The recorded surface.
-        subject: What the scene says about the system.
+        annotations: What the scene says about the system.
         path: File to write; its ending says which kind.
         progress: Called with (pictures drawn, pictures in all).
 
@@ -61,7 +65,7 @@ def save_motion(
     period = float(times[-1] - times[0]) / (len(times) - 1)
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
-        pictures = _pictures(track, subject, times, progress)
+        pictures = _pictures(track, annotations, times, progress)
         if path.suffix == ".mp4":
             _write_mp4(partial, pictures, rate=1.0 / max(period, 1e-3))
         else:
@@ -73,19 +77,22 @@ def save_motion(
 
 
 def _pictures(
-    track: SurfaceTrack, subject: Subject, times: np.ndarray, progress: Callable[[int, int], None] | None
+    track: SurfaceTrack,
+    annotations: Annotations,
+    times: np.ndarray,
+    progress: Callable[[int, int], None] | None,
 ) -> list[Image.Image]:
     figure = new_figure(WIDTH, HEIGHT, dpi=DPI)
     indices = [track.index(time) for time in times]
-    frame = common_frame([track.position(index) for index in indices], subject.rest)
-    heading(figure, subject.title)
+    frame = common_frame([track.position(index) for index in indices], annotations.rest)
+    add_title(figure, annotations.title)
     stamp = figure.text(0.15 / WIDTH, 1.0 - 0.36 / HEIGHT, "", fontsize=LABEL_SIZE, color=INK, va="top")
     add_colour_bar(figure, figure.add_axes((0.845, 0.22, 0.022, 0.5)), frame)
     axes: Any = figure.add_axes((0.0, 0.02, 0.84, 0.94), projection="3d", computed_zorder=False)
     pictures = []
     for number, index in enumerate(indices):
         axes.clear()
-        draw_surface(axes, track.position(index), subject, frame, large=False)
+        draw_surface(axes, track.position(index), annotations, frame, large=False)
         stamp.set_text(f"t = {track.time[index]:.2f} s")
         figure.canvas.draw()
         pixels = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]

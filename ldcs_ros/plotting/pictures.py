@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.plotting.annotations import annotations_of
 from ldcs_ros.plotting.drives import drives_figure
 from ldcs_ros.plotting.motion import check_kind, save_motion
 from ldcs_ros.plotting.points import points_figure
-from ldcs_ros.plotting.style import SCREEN, Look, save_figure
-from ldcs_ros.plotting.subject import subject_of
+from ldcs_ros.plotting.style import SCREEN, FigureStyle, save_figure
 from ldcs_ros.plotting.surface import surface_figure
 from ldcs_ros.signals.tracks import (
     SurfaceTrack,
@@ -34,7 +34,7 @@ def draw(
     times: Sequence[float] | None = None,
     animate: str | None = None,
     kind: str = "png",
-    look: Look = SCREEN,
+    style: FigureStyle = SCREEN,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Write the pictures of a recording into a folder and return their paths.
@@ -48,7 +48,7 @@ def draw(
         times: Times of the surfaces [s]; None picks times that tell the motion.
         animate: 'gif', 'mp4' or None.
         kind: Format of the others: 'png', 'pdf', 'svg'.
-        look: Their sizes, for a screen or for print.
+        style: Their sizes, for a screen or for print.
         progress: Called with (pictures drawn, pictures in all) of the moving picture.
 
     Raises:
@@ -58,31 +58,31 @@ def draw(
     if animate is not None:
         check_kind(animate)
     track = surface_track(recording)
-    indices = _asked(track, times) if times else telling_indices(track)
-    subject = subject_of(recording, track)
+    indices = _asked(track, times) if times else informative_indices(track)
+    annotations = annotations_of(recording, track)
     folder.mkdir(parents=True, exist_ok=True)
     positions = [track.position(index) for index in indices]
     stamps = [float(track.time[index]) for index in indices]
 
     def save(figure: Figure, name: str) -> Path:
-        return save_figure(figure, folder / f"{name}.{kind}", look)
+        return save_figure(figure, folder / f"{name}.{kind}", style)
 
-    written = [save(surface_figure(positions, stamps, subject, look), "surface")]
+    written = [save(surface_figure(positions, stamps, annotations, style), "surface")]
     truth, measured = point_tracks(recording, truth=True), point_tracks(recording, truth=False)
     if truth or measured:
-        figure = points_figure(truth, measured, subject.point_rest, title=subject.title, look=look)
+        figure = points_figure(truth, measured, annotations.point_rest, title=annotations.title, style=style)
         written.append(save(figure, "points"))
     drives = drives_figure(
-        pressure_tracks(recording), joint_tracks(recording), title=subject.title, look=look
+        pressure_tracks(recording), joint_tracks(recording), title=annotations.title, style=style
     )
     if drives is not None:
         written.append(save(drives, "drives"))
     if animate is not None:
-        written.append(save_motion(track, subject, folder / f"motion.{animate}", progress=progress))
+        written.append(save_motion(track, annotations, folder / f"motion.{animate}", progress=progress))
     return written
 
 
-def telling_indices(track: SurfaceTrack, count: int = 4) -> list[int]:
+def informative_indices(track: SurfaceTrack, count: int = 4) -> list[int]:
     """Return the first and the last cloud, and those at which the motion has gone equal parts of its way."""
     samples = np.unique(np.linspace(0, len(track) - 1, min(len(track), _SAMPLES)).astype(int))
     start = track.position(0)

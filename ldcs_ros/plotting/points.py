@@ -12,11 +12,11 @@ from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
     SCREEN,
     SOFT_INK,
-    Look,
-    dress,
-    heading,
+    FigureStyle,
+    add_title,
     label_line_ends,
     new_figure,
+    style_axes,
 )
 from ldcs_ros.signals.tracks import Track
 
@@ -29,7 +29,7 @@ def points_figure(
     rest: Mapping[str, np.ndarray],
     *,
     title: str,
-    look: Look = SCREEN,
+    style: FigureStyle = SCREEN,
 ) -> Figure:
     """Draw one panel a point with its displacement along x, y and z.
 
@@ -38,17 +38,17 @@ def points_figure(
         measured: Positions as the tracker reports them [m], shape (n, 3), by point.
         rest: Rest positions [m], shape (3,), by point; without one, a point's first position.
         title: Heading of the figure.
-        look: Sizes.
+        style: Sizes.
     """
     names = sorted({*truth, *measured})
-    foot, head = look.inches(3.8), look.inches(5.7 if look.headed else 1.8)
-    height = look.row * len(names) + (0.8 if look.headed else foot + head)
-    figure = new_figure(look.width, height)
+    foot, head = style.inches(3.8), style.inches(5.7 if style.headed else 1.8)
+    height = style.row * len(names) + (0.8 if style.headed else foot + head)
+    figure = new_figure(style.width, height)
     grid = figure.add_gridspec(
         max(len(names), 1),
         1,
-        left=look.inches(5.67) / look.width,
-        right=1.0 - look.inches(7.2) / look.width,
+        left=style.inches(5.67) / style.width,
+        right=1.0 - style.inches(7.2) / style.width,
         bottom=foot / height,
         top=1.0 - head / height,
         hspace=0.25,
@@ -58,35 +58,39 @@ def points_figure(
         axes = figure.add_subplot(grid[number], sharex=shared)
         shared = shared or axes
         origin = rest.get(name, (truth if name in truth else measured)[name].first)
-        _draw(axes, truth.get(name), measured.get(name), origin, look)
+        _draw(axes, truth.get(name), measured.get(name), origin, style)
         last = number == len(names) - 1
-        dress(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name, look=look)
+        style_axes(
+            axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name, style=style
+        )
         axes.tick_params(labelbottom=last)
     note = "lines: the state   dots: what the tracker reports" if truth and measured else ""
-    heading(figure, title, note, look)
+    add_title(figure, title, note, style)
     return figure
 
 
-def _draw(axes: Axes, truth: Track | None, measured: Track | None, origin: np.ndarray, look: Look) -> None:
+def _draw(
+    axes: Axes, truth: Track | None, measured: Track | None, origin: np.ndarray, style: FigureStyle
+) -> None:
     labels = []
     for which, (axis, colour) in enumerate(AXIS_COLOURS.items()):
         end = 0.0
         if measured is not None:
             moved = MM * (measured.value[:, which] - origin[which])
             axes.plot(
-                measured.time, moved, ".", color=colour, markersize=2.2 * look.scale, alpha=0.35, zorder=1.5
+                measured.time, moved, ".", color=colour, markersize=2.2 * style.scale, alpha=0.35, zorder=1.5
             )
             end = float(moved[-1])
         if truth is not None:
             moved = MM * (truth.value[:, which] - origin[which])
             # A line through a single moment would not show.
             marker = "o" if len(moved) == 1 else ""
-            axes.plot(truth.time, moved, color=colour, linewidth=1.7 * look.scale, marker=marker)
+            axes.plot(truth.time, moved, color=colour, linewidth=1.7 * style.scale, marker=marker)
             end = float(moved[-1])
         labels.append((end, f"{axis}  {_signed(end)} mm", colour))
     axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
     axes.margins(x=0.0, y=0.08)
-    label_line_ends(axes, labels, look=look)
+    label_line_ends(axes, labels, style=style)
 
 
 def _signed(value: float) -> str:

@@ -30,7 +30,7 @@ TICK_SIZE = 8.5
 
 
 @dataclass(frozen=True)
-class Look:
+class FigureStyle:
     """Sizes that belong together.
 
     Attributes:
@@ -56,11 +56,11 @@ class Look:
         return lines * self.label / 72.0
 
 
-SCREEN = Look(6.8, 2.5, TITLE_SIZE, LABEL_SIZE, TICK_SIZE, 1.0, True)
+SCREEN = FigureStyle(6.8, 2.5, TITLE_SIZE, LABEL_SIZE, TICK_SIZE, 1.0, True)
 # One column and the full width of a page of two, 88 and 180 mm, as most journals have them.
-COLUMN = Look(3.46, 1.35, 8.0, 7.5, 7.0, 0.65, False)
-PAGE = Look(7.09, 1.6, 8.0, 7.5, 7.0, 0.65, False)
-LOOKS = {"screen": SCREEN, "column": COLUMN, "page": PAGE}
+COLUMN = FigureStyle(3.46, 1.35, 8.0, 7.5, 7.0, 0.65, False)
+PAGE = FigureStyle(7.09, 1.6, 8.0, 7.5, 7.0, 0.65, False)
+STYLES = {"screen": SCREEN, "column": COLUMN, "page": PAGE}
 FORMATS = ("png", "pdf", "svg")
 _PRINT_DPI = 600
 _NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
@@ -73,26 +73,28 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
     return figure
 
 
-def dress(axes: Axes, *, x_label: str, y_label: str, title: str = "", look: Look = SCREEN) -> None:
+def style_axes(
+    axes: Axes, *, x_label: str, y_label: str, title: str = "", style: FigureStyle = SCREEN
+) -> None:
     """Give flat axes the common look: two spines, a light grid behind the lines, labels with units."""
-    pad: dict[str, Any] = {} if look.headed else {"pad": 3.0}
-    axes.set_title(title, fontsize=look.title, color=INK, loc="left", fontweight="bold", **pad)
-    axes.set_xlabel(x_label, fontsize=look.label, color=INK)
-    axes.set_ylabel(y_label, fontsize=look.label, color=INK)
-    axes.tick_params(labelsize=look.tick, colors=SOFT_INK, length=3.5 * look.scale)
+    pad: dict[str, Any] = {} if style.headed else {"pad": 3.0}
+    axes.set_title(title, fontsize=style.title, color=INK, loc="left", fontweight="bold", **pad)
+    axes.set_xlabel(x_label, fontsize=style.label, color=INK)
+    axes.set_ylabel(y_label, fontsize=style.label, color=INK)
+    axes.tick_params(labelsize=style.tick, colors=SOFT_INK, length=3.5 * style.scale)
     axes.set_axisbelow(True)
     axes.grid(True, color=GRID, linewidth=0.7)
     for spine in axes.spines.values():
-        spine.set_linewidth(0.8 * look.scale)
+        spine.set_linewidth(0.8 * style.scale)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color(SOFT_INK)
 
 
-def heading(figure: Figure, title: str, note: str = "", look: Look = SCREEN) -> None:
+def add_title(figure: Figure, title: str, note: str = "", style: FigureStyle = SCREEN) -> None:
     """Write the figure's title at its upper left, and a note in small print under it; nothing in print."""
-    if not look.headed:
+    if not style.headed:
         return
     height = figure.get_figheight()
     left = 0.15 / figure.get_figwidth()
@@ -103,15 +105,15 @@ def heading(figure: Figure, title: str, note: str = "", look: Look = SCREEN) -> 
     figure.text(left, 1.0 - 0.34 / height, note, fontsize=TICK_SIZE, color=SOFT_INK, va="top")
 
 
-def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, look: Look = SCREEN) -> None:
+def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, style: FigureStyle = SCREEN) -> None:
     """Write each line's name and last value to the right of the axes, pushed apart so that none overlap.
 
     Args:
         axes: Axes whose limits are final.
         labels: (height in data units, text, colour) of each line.
-        look: Sizes; they say how far apart two labels are at least.
+        style: Sizes; they say how far apart two labels are at least.
     """
-    gap = 1.25 * look.inches(1.0) / (axes.bbox.height / axes.figure.dpi)
+    gap = 1.25 * style.inches(1.0) / (axes.bbox.height / axes.figure.dpi)
     low, high = axes.get_ylim()
     placed: list[float] = []
     for height, text, colour in sorted(labels, key=lambda label: label[0]):
@@ -124,13 +126,13 @@ def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, look: L
             text,
             transform=axes.transAxes,
             color=colour,
-            fontsize=look.label,
+            fontsize=style.label,
             va="center",
             ha="left",
         )
 
 
-def save_figure(figure: Figure, path: Path, look: Look = SCREEN) -> Path:
+def save_figure(figure: Figure, path: Path, style: FigureStyle = SCREEN) -> Path:
     """Write a figure in the format of its ending; the file appears whole or not at all.
 
     Vector files hold real fonts, as publishers ask for, and no date: the same bag gives the same file.
@@ -138,7 +140,7 @@ def save_figure(figure: Figure, path: Path, look: Look = SCREEN) -> Path:
     kind = path.suffix[1:]
     partial = path.with_name(f".{path.name}.partial")
     options: dict[str, Any] = {"metadata": _NO_DATE[kind]} if kind in _NO_DATE else {}
-    if not look.headed:
+    if not style.headed:
         options["dpi"] = _PRINT_DPI
     try:
         with rc_context({"pdf.fonttype": 42, "svg.hashsalt": "ldcs"}):

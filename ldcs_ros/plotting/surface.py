@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
+from ldcs_ros.plotting.annotations import Annotations
 from ldcs_ros.plotting.style import (
     GRID,
     INK,
@@ -23,11 +24,10 @@ from ldcs_ros.plotting.style import (
     SCREEN,
     SOFT_INK,
     SURFACE_MAP,
-    Look,
-    heading,
+    FigureStyle,
+    add_title,
     new_figure,
 )
-from ldcs_ros.plotting.subject import Subject
 
 MM = 1e3
 ELEVATION, AZIMUTH = 28.0, -125.0  # from behind the clamp: the bent side and both arms are seen
@@ -63,31 +63,34 @@ def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> ViewBox:
 
 
 def surface_figure(
-    positions: Sequence[np.ndarray], times: Sequence[float], subject: Subject, look: Look = SCREEN
+    positions: Sequence[np.ndarray],
+    times: Sequence[float],
+    annotations: Annotations,
+    style: FigureStyle = SCREEN,
 ) -> Figure:
     """Draw the sheet at several times with common axes and colours.
 
     Args:
         positions: Node positions [m], shape (2, nx, ny, 3) each.
         times: Their times [s].
-        subject: What the scene says about the system.
-        look: Sizes.
+        annotations: What the scene says about the system.
+        style: Sizes.
     """
     count = len(positions)
     large = count == 1
-    columns = _columns(count, look)
+    columns = _columns(count, style)
     rows = math.ceil(count / columns)
     # Inches of one panel, of the colour key at the right and of the heading.
-    if look.headed:
+    if style.headed:
         width, height = (6.3, 4.9) if large else (3.5, 2.9)
         key, head, margin = 0.95, 0.5 if large else 0.4, 0.0
     else:
-        key, head, margin = look.inches(6.2), look.inches(0.5), look.inches(0.7)
-        width = (look.width - key - margin) / columns
+        key, head, margin = style.inches(6.2), style.inches(0.5), style.inches(0.7)
+        width = (style.width - key - margin) / columns
         height = (0.78 if large else 0.83) * width
     figure = new_figure(margin + width * columns + key, height * rows + head)
     whole_width, whole_height = figure.get_size_inches()
-    frame = common_frame(positions, subject.rest)
+    frame = common_frame(positions, annotations.rest)
     for number, (position, time) in enumerate(zip(positions, times, strict=True)):
         row, column = divmod(number, columns)
         bottom = whole_height - head - (row + 1) * height + _LIFT * height
@@ -99,49 +102,55 @@ def surface_figure(
         )
         axes: Any = figure.add_axes(box, projection="3d", computed_zorder=False)
         axes.patch.set_visible(False)  # it would cover the labels of the panel above
-        draw_surface(axes, position, subject, frame, large=large, look=look)
-        if not large or not look.headed:
-            stamp: dict[str, Any] = {"fontsize": look.label, "color": INK, "ha": "center", "va": "top"}
-            letter = f"({chr(ord('a') + number)})  " if count > 1 and not look.headed else ""
-            top = min(box[1] + 0.93 * box[3], 1.0 - look.inches(0.3) / whole_height)
+        draw_surface(axes, position, annotations, frame, large=large, style=style)
+        if not large or not style.headed:
+            stamp: dict[str, Any] = {"fontsize": style.label, "color": INK, "ha": "center", "va": "top"}
+            letter = f"({chr(ord('a') + number)})  " if count > 1 and not style.headed else ""
+            top = min(box[1] + 0.93 * box[3], 1.0 - style.inches(0.3) / whole_height)
             place = (box[0] + 0.5 * box[2], top)
             figure.text(*place, f"{letter}t = {time:.2f} s", **stamp)
-    heading(figure, subject.title, f"t = {times[0]:.2f} s" if large else "", look)
+    add_title(figure, annotations.title, f"t = {times[0]:.2f} s" if large else "", style)
     tall = min(2.6, 0.6 * height * rows)
     left, bottom = (
-        (whole_width - key + look.inches(0.9)) / whole_width,
+        (whole_width - key + style.inches(0.9)) / whole_width,
         0.5 * (whole_height - head - tall) / whole_height,
     )
-    place_of_key = figure.add_axes((left, bottom, look.inches(1.0) / whole_width, tall / whole_height))
-    add_colour_bar(figure, place_of_key, frame, look)
+    place_of_key = figure.add_axes((left, bottom, style.inches(1.0) / whole_width, tall / whole_height))
+    add_colour_bar(figure, place_of_key, frame, style)
     return figure
 
 
-def _columns(count: int, look: Look) -> int:
+def _columns(count: int, style: FigureStyle) -> int:
     """Return how many panels stand beside each other, so that rows are full and letters can be read."""
-    most = 4 if look.headed or look.width > 5.0 else 2
+    most = 4 if style.headed or style.width > 5.0 else 2
     return count if count <= min(most, 3) else math.ceil(count / math.ceil(count / most))
 
 
-def add_colour_bar(figure: Figure, axes: Any, frame: ViewBox, look: Look = SCREEN) -> None:
+def add_colour_bar(figure: Figure, axes: Any, frame: ViewBox, style: FigureStyle = SCREEN) -> None:
     """Draw the key of the colours."""
     bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
-    bar.set_label("displacement [mm]", fontsize=look.label, color=INK)
-    bar.ax.tick_params(labelsize=look.tick, colors=SOFT_INK, length=2)
+    bar.set_label("displacement [mm]", fontsize=style.label, color=INK)
+    bar.ax.tick_params(labelsize=style.tick, colors=SOFT_INK, length=2)
     bar.outline.set_visible(False)
 
 
 def draw_surface(
-    axes: Axes3D, position: np.ndarray, subject: Subject, frame: ViewBox, *, large: bool, look: Look = SCREEN
+    axes: Axes3D,
+    position: np.ndarray,
+    annotations: Annotations,
+    frame: ViewBox,
+    *,
+    large: bool,
+    style: FigureStyle = SCREEN,
 ) -> None:
     """Draw one state of the sheet [m], shape (2, nx, ny, 3), into 3D axes."""
     place = MM * position
-    moved = np.linalg.norm(MM * (position - subject.rest), axis=-1)
+    moved = np.linalg.norm(MM * (position - annotations.rest), axis=-1)
     _draw_shadow(axes, place[0], floor=float(frame.low[2]))
-    _draw_sheet(axes, place, moved, frame.scale, look)
-    _draw_arms(axes, place, subject.driven, large=large, look=look)
-    _draw_loads(axes, place, subject, large=large, look=look)
-    _dress(axes, frame, large=large, look=look)
+    _draw_sheet(axes, place, moved, frame.scale, style)
+    _draw_arms(axes, place, annotations.driven, large=large, style=style)
+    _draw_loads(axes, place, annotations, large=large, style=style)
+    _style_axes(axes, frame, large=large, style=style)
 
 
 def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
@@ -150,7 +159,9 @@ def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
     axes.add_collection3d(Poly3DCollection(_quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
 
 
-def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Normalize, look: Look) -> None:
+def _draw_sheet(
+    axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Normalize, style: FigureStyle
+) -> None:
     bottom, top = place
     polygons: list[np.ndarray] = []
     faces: list[Any] = []
@@ -177,7 +188,7 @@ def _draw_sheet(axes: Axes3D, place: np.ndarray, moved: np.ndarray, scale: Norma
             polygons,
             facecolors=faces,
             edgecolors=edges,
-            linewidths=0.5 * look.scale,
+            linewidths=0.5 * style.scale,
             zorder=2,
             zsort="average",
         )
@@ -207,22 +218,26 @@ def _shade(quads: np.ndarray) -> np.ndarray:
     return shade
 
 
-def _draw_arms(axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool, look: Look) -> None:
+def _draw_arms(
+    axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool, style: FigureStyle
+) -> None:
     # Lines over everything: the far arm would vanish behind the sheet's rim.
-    style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
+    options: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
     for row in rows:
         x, y, z = place[:, :, row].mean(axis=0).T
-        axes.plot(x, y, z, color="black", linewidth=(4.0 if large else 2.4) * look.scale, **style)
+        axes.plot(x, y, z, color="black", linewidth=(4.0 if large else 2.4) * style.scale, **options)
 
 
-def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: bool, look: Look) -> None:
-    halo = [withStroke(linewidth=2.5 * look.scale, foreground="white")]
-    for load in (one for one in subject.loads if one.mass > 0.0 or one.force.any()):
+def _draw_loads(
+    axes: Axes3D, place: np.ndarray, annotations: Annotations, *, large: bool, style: FigureStyle
+) -> None:
+    halo = [withStroke(linewidth=2.5 * style.scale, foreground="white")]
+    for load in (one for one in annotations.loads if one.mass > 0.0 or one.force.any()):
         spot = load.point.position(place.reshape(-1, 3))
         dot = {
-            "s": (75 if large else 34) * look.scale**2,
+            "s": (75 if large else 34) * style.scale**2,
             "edgecolors": "white",
-            "linewidths": 0.9 * look.scale,
+            "linewidths": 0.9 * style.scale,
             "depthshade": False,
         }
         axes.scatter(*spot, color=LOAD_COLOUR, zorder=5, **dot)
@@ -231,27 +246,32 @@ def _draw_loads(axes: Axes3D, place: np.ndarray, subject: Subject, *, large: boo
         if load.mass == 0.0:
             arrow = _ARROW_LENGTH * load.force / size
             axes.quiver(
-                *spot, *arrow, color=LOAD_COLOUR, linewidth=2.0 * look.scale, arrow_length_ratio=0.3, zorder=5
+                *spot,
+                *arrow,
+                color=LOAD_COLOUR,
+                linewidth=2.0 * style.scale,
+                arrow_length_ratio=0.3,
+                zorder=5,
             )
         lift = spot + [0.0, 0.0, _LABEL_LIFT]
         axes.text(
             *lift,
             label,
             color=LOAD_COLOUR,
-            fontsize=look.label if look.headed or large else look.label - 1.0,
+            fontsize=style.label if style.headed or large else style.label - 1.0,
             ha="center",
             zorder=6,
             path_effects=halo,
         )
 
 
-def _dress(axes: Axes3D, frame: ViewBox, *, large: bool, look: Look) -> None:
+def _style_axes(axes: Axes3D, frame: ViewBox, *, large: bool, style: FigureStyle) -> None:
     for limits, low, high in zip(
         (axes.set_xlim, axes.set_ylim, axes.set_zlim), frame.low, frame.high, strict=True
     ):
         limits(low, high)
     axes.set_box_aspect(
-        frame.high - frame.low, zoom=(1.08 if large else 0.95) * (1.0 if look.headed else 0.9)
+        frame.high - frame.low, zoom=(1.08 if large else 0.95) * (1.0 if style.headed else 0.9)
     )
     axes.view_init(elev=ELEVATION, azim=AZIMUTH)
     axes.set_proj_type("persp", focal_length=0.35)
@@ -259,18 +279,18 @@ def _dress(axes: Axes3D, frame: ViewBox, *, large: bool, look: Look) -> None:
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.line.set_color(SOFT_INK)
         axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.set_label_text(f"{name} [mm]", fontsize=look.label if large else look.label - 1.0, color=INK)
-        axis.set_major_locator(MaxNLocator(nbins=4 if look.headed else 3, steps=[1, 2, 5, 10]))
-        axis.labelpad = _pad((2.0, -5.0), (-8.0, -9.5), large, look)
+        axis.set_label_text(f"{name} [mm]", fontsize=style.label if large else style.label - 1.0, color=INK)
+        axis.set_major_locator(MaxNLocator(nbins=4 if style.headed else 3, steps=[1, 2, 5, 10]))
+        axis.labelpad = _pad((2.0, -5.0), (-8.0, -9.5), large, style)
     axes.zaxis.set_rotate_label(False)
     axes.zaxis.label.set_rotation(90)
     axes.tick_params(
-        labelsize=look.tick if large else look.tick - 1.5,
+        labelsize=style.tick if large else style.tick - 1.5,
         colors=SOFT_INK,
-        pad=_pad((0.0, -3.0), (-4.0, -5.0), large, look),
+        pad=_pad((0.0, -3.0), (-4.0, -5.0), large, style),
     )
 
 
-def _pad(screen: tuple[float, float], printed: tuple[float, float], large: bool, look: Look) -> float:
+def _pad(screen: tuple[float, float], printed: tuple[float, float], large: bool, style: FigureStyle) -> float:
     """Return the distance of a label from its axis [pt], large or not; matplotlib's own suits larger pictures."""
-    return (screen if look.headed else printed)[0 if large else 1]
+    return (screen if style.headed else printed)[0 if large else 1]

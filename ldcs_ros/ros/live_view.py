@@ -17,8 +17,8 @@ from ldcs_ros.errors import LdcsError, ViewingError
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from ldcs_ros.viewing.live import LiveShow
-    from ldcs_ros.viewing.site import Site
+    from ldcs_ros.viewing.live_viewer import LiveViewer
+    from ldcs_ros.viewing.web_server import Site
 
 NAME = "live_view"
 MEMORY = "1GiB"
@@ -55,9 +55,9 @@ def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.validate_namespace import validate_namespace
 
-    from ldcs_ros.viewing.library import program
-    from ldcs_ros.viewing.showing import until_stopped
-    from ldcs_ros.viewing.site import live_site
+    from ldcs_ros.viewing.browser_session import until_stopped
+    from ldcs_ros.viewing.rerun_package import program
+    from ldcs_ros.viewing.web_server import live_site
 
     program()
     arguments.namespace = "/" + arguments.namespace.strip("/")
@@ -74,30 +74,30 @@ def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
 
 
 def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], bool]) -> int:
-    from ldcs_ros.viewing.live import LiveShow
-    from ldcs_ros.viewing.showing import open_browser
+    from ldcs_ros.viewing.browser_session import open_browser
+    from ldcs_ros.viewing.live_viewer import LiveViewer
 
     _tell(arguments, site.address)
     if not arguments.no_browser and arguments.screenshot is None:
         open_browser(site.address)
-    show = LiveShow(partial(_stream, site.data_url, arguments))
+    viewer = LiveViewer(partial(_stream, site.data_url, arguments))
     try:
-        return _follow(arguments, site.address, show, stopped)
+        return _follow(arguments, site.address, viewer, stopped)
     finally:
-        show.close()
+        viewer.close()
 
 
 def _follow(
-    arguments: argparse.Namespace, address: str, show: LiveShow, stopped: Callable[[float], bool]
+    arguments: argparse.Namespace, address: str, viewer: LiveViewer, stopped: Callable[[float], bool]
 ) -> int:
     """Draw what comes until somebody stops it, or until the picture is taken."""
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-    from ldcs_ros.viewing.showing import save_picture
+    from ldcs_ros.viewing.browser_session import save_picture
 
     node = Node("ldcs_view", namespace=arguments.namespace)
-    listener = Listener(node, show)
+    listener = Listener(node, viewer)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     began, searched, drawn, first = time.monotonic(), 0.0, 0.0, 0.0
@@ -111,7 +111,7 @@ def _follow(
             listener.search()
         if now >= drawn + _DRAW_PERIOD:
             drawn = now
-            surfaces = show.draw()
+            surfaces = viewer.draw()
             first = first or (now if surfaces else 0.0)
         if not (first or hinted) and now > began + _HINT_AFTER:
             hinted = True
@@ -132,12 +132,12 @@ class Listener:
 
     Args:
         node: The node that listens, in the twin's namespace.
-        show: What is told.
+        viewer: What is told.
     """
 
-    def __init__(self, node: Node, show: LiveShow) -> None:
+    def __init__(self, node: Node, viewer: LiveViewer) -> None:
         self._node = node
-        self._show = show
+        self._show = viewer
         self._heard: set[str] = set()
 
     def search(self) -> None:
@@ -145,7 +145,7 @@ class Listener:
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from ldcs_ros.ros.common.optional import message_type
-        from ldcs_ros.viewing.live import is_shown
+        from ldcs_ros.viewing.live_viewer import is_shown
 
         prefix = self._node.get_namespace().rstrip("/") + "/"
         # Best effort hears every publisher; a view that is late must not hold one up.
@@ -161,7 +161,7 @@ class Listener:
 
 
 def _stream(url: str, arguments: argparse.Namespace) -> Any:
-    from ldcs_ros.viewing.library import new_stream, rerun
+    from ldcs_ros.viewing.rerun_package import new_stream, rerun
 
     stream = new_stream(f"twin in {arguments.namespace}")
     sinks = [rerun().GrpcSink(url)]

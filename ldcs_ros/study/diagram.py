@@ -12,10 +12,10 @@ from ldcs_ros.plotting.style import (
     LABEL_SIZE,
     LINE_COLOURS,
     SOFT_INK,
-    dress,
-    heading,
+    add_title,
     new_figure,
     save_figure,
+    style_axes,
 )
 from ldcs_ros.study.command_rates import SMOOTH, against_smooth
 from ldcs_ros.study.growth import measured, peak_memory
@@ -69,7 +69,7 @@ def draw(rows: list[Row], path: Path) -> Path:
     height = figure.get_figheight()
     figure.subplots_adjust(0.055, 1.25 / height, 0.99, 1.0 - 0.95 / height, 0.24, 0.38)
     _legend(figure, {row.method for row in curves})
-    heading(
+    add_title(
         figure,
         "What accuracy costs: CPU time against the largest node position error",
         "one thread, one process; up and to the right is dear and exact; filled: adaptive, open: fixed steps, "
@@ -81,7 +81,7 @@ def draw(rows: list[Row], path: Path) -> Path:
 def _panel(axes: Any, scene: str, nodes: int, rows: list[Row]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    dress(axes, x_label="largest error [m]", y_label="CPU s per simulated s", title=_title(scene, nodes))
+    style_axes(axes, x_label="largest error [m]", y_label="CPU s per simulated s", title=_title(scene, nodes))
     for method in COLOURS:
         for setting, face in (("accuracy", COLOURS[method]), ("dt", "white")):
             made = [row for row in rows if (row.method, row.setting) == (method, setting) and not row.failure]
@@ -124,7 +124,7 @@ def _mark_failures(axes: Any, rows: list[Row]) -> None:
 def _lattice_panel(axes: Any, errors: dict[int, float]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    dress(
+    style_axes(
         axes,
         x_label="nodes along a side",
         y_label="error of P0, P1 [m]",
@@ -156,7 +156,7 @@ def _growth_panel(axes: Any, rows: list[Row]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     title = f"{rows[0].scene}: cost by size at {rows[0].value:.0e} m"
-    dress(axes, x_label="nodes along a side", y_label="CPU s per simulated s", title=title)
+    style_axes(axes, x_label="nodes along a side", y_label="CPU s per simulated s", title=title)
     sides, costs = [row.nodes for row in rows], [row.cpu for row in rows]
     for power, style in ((1.0, ":"), (MOST_EXPONENT, "--"), (2.0, ":")):
         guide = [costs[0] * (n / sides[0]) ** (2.0 * power) for n in sides]
@@ -176,7 +176,7 @@ def _growth_panel(axes: Any, rows: list[Row]) -> None:
 def _rates_panel(axes: Any, rates: dict[str, dict[float, tuple[float, Row]]], rows: list[Row]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
-    dress(
+    style_axes(
         axes,
         x_label="commands a second (left: smooth)",
         y_label="CPU s per simulated s",

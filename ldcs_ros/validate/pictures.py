@@ -9,19 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ldcs_ros.plotting.annotations import annotations_of_scene
 from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
     INK,
     LABEL_SIZE,
     LINE_COLOURS,
     SOFT_INK,
-    dress,
-    heading,
+    add_title,
     label_line_ends,
     new_figure,
     save_figure,
+    style_axes,
 )
-from ldcs_ros.plotting.subject import subject_of_scene
 from ldcs_ros.plotting.surface import common_frame, draw_surface
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.course import Course, Damped
@@ -38,19 +38,19 @@ VIEWS = (("a", 24.0, -125.0), ("b", 8.0, -72.0))
 def shape_figure(rest: Rest, title: str) -> Figure:
     """Draw the final shape in two views."""
     scene = rest.simulation.scene
-    subject = subject_of_scene(scene, title=title)
+    annotations = annotations_of_scene(scene, title=title)
     position = rest.position.reshape(2, *scene.lattice.nodes, 3)
-    frame = common_frame([position], subject.rest)
+    frame = common_frame([position], annotations.rest)
     figure = new_figure(9.6, 4.6)
     for number, (letter, elevation, azimuth) in enumerate(VIEWS):
         axes = figure.add_axes(
             (0.02 + 0.49 * number, 0.0, 0.47, 0.92), projection="3d", computed_zorder=False
         )
-        draw_surface(axes, position, subject, frame, large=False)
+        draw_surface(axes, position, annotations, frame, large=False)
         axes.view_init(elev=elevation, azim=azimuth)  # type: ignore[attr-defined]
         axes.text2D(0.04, 0.9, letter, transform=axes.transAxes, color=INK, fontsize=LABEL_SIZE + 2)  # type: ignore[attr-defined]
     note = f"at rest; edges at r = {1e3 * rest.radius:.1f} mm (paper: 115 mm); compare the paper's Figure 5"
-    heading(figure, title, note)
+    add_title(figure, title, note)
     return figure
 
 
@@ -72,9 +72,11 @@ def course_figure(course: Course, title: str) -> Figure:
         axes.margins(x=0.0, y=0.08)
         label_line_ends(axes, labels)
         last = number == len(paper.POINTS) - 1
-        dress(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name)
+        style_axes(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name)
     settled = f"within 0.1 mm of rest after {course.settling:.2f} s"
-    heading(figure, title, f"lines: the twin   dashes: the experiment's steady values (Table I)   {settled}")
+    add_title(
+        figure, title, f"lines: the twin   dashes: the experiment's steady values (Table I)   {settled}"
+    )
     return figure
 
 
@@ -90,8 +92,10 @@ def damping_figure(runs: Sequence[Damped], title: str) -> Figure:
     axes.axhline(paper.EXPERIMENT["P1"][2], color=SOFT_INK, linewidth=1.0, linestyle=(0, (5, 4)))
     axes.margins(x=0.0)
     label_line_ends(axes, labels)
-    dress(axes, x_label="time [s]", y_label="uz of P1 [mm]")
-    heading(figure, title, "all dampers of sheet, joints and couplings scaled alike   dashes: the experiment")
+    style_axes(axes, x_label="time [s]", y_label="uz of P1 [mm]")
+    add_title(
+        figure, title, "all dampers of sheet, joints and couplings scaled alike   dashes: the experiment"
+    )
     return figure
 
 
@@ -117,12 +121,12 @@ def tornado_figure(found: Sequence[Sensitivity], title: str) -> Figure:
             )  # fmt: skip
         words = [f"{item.parameter.short} ±{plausible_range(item.parameter)}" for item in shown][::-1]
         axes.set_yticks(place, words if number == 0 else [""] * len(shown))
-        dress(axes, x_label="change [mm]", y_label="", title=name)
+        style_axes(axes, x_label="change [mm]", y_label="", title=name)
         axes.axvline(0.0, color=SOFT_INK, linewidth=0.6)
     note = (
         "blue: it grows by this range, orange: it shrinks (linearised); torque re-adjusted to the same radius"
     )
-    heading(figure, title, note)
+    add_title(figure, title, note)
     return figure
 
 

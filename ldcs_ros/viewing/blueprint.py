@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.viewing.library import rerun
-from ldcs_ros.viewing.stage import ARMS, LOADS, PLOTS, POINTS, SURFACE, TIMELINE, TRACES
+from ldcs_ros.viewing.rerun_package import rerun
+from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, PLOTS, POINTS, SURFACE, TIMELINE, TRACES
 
 _PAPER, _GREY = (250, 250, 250, 255), (120, 120, 120, 110)
 _GRID = 0.02  # m between two lines of the floor

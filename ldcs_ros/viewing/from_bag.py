@@ -25,8 +25,8 @@ from ldcs_ros.signals.tracks import (
     snapshots,
 )
 from ldcs_ros.viewing.blueprint import blueprint
-from ldcs_ros.viewing.library import new_stream
-from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
+from ldcs_ros.viewing.rerun_package import new_stream
+from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, RerunScene
 
 MOST_SURFACES = 3000
 """Surfaces that are shown of a long bag, evenly spread: a browser holds them in its memory."""
@@ -95,14 +95,14 @@ def write_bag(
         stream.save(path)
     except Exception as error:  # the library raises what its own layers raise
         raise ViewingError(f"{path} cannot be written: {error}") from error
-    stage = Stage(stream, length=None if scene is None else float(scene.lattice.size[0]))
+    rerun_scene = RerunScene(stream, length=None if scene is None else float(scene.lattice.size[0]))
     for name, track in (truth or measured).items():
         thin = slice(None, None, max(1, math.ceil(len(track.time) / (4 * most_surfaces))))
-        stage.points(track.time[thin], {name: track.value[thin]})
-    _write_courses(stage, recording, scene, truth, measured, until)
+        rerun_scene.points(track.time[thin], {name: track.value[thin]})
+    _write_curves(rerun_scene, recording, scene, truth, measured, until)
     # First the layout: a viewer that plays what comes before it knows that it should wait would show a bit of it.
     size = None if scene is None else np.asarray(scene.lattice.size)
-    layout = blueprint(stage.point_names, stage.plots, size=size, play=play, frame=frame)
+    layout = blueprint(rerun_scene.point_names, rerun_scene.plots, size=size, play=play, frame=frame)
     stream.send_blueprint(layout)
     stream.flush()
     every = 1 if clouds is None else max(1, math.ceil(recording.counts[clouds] / most_surfaces))
@@ -114,26 +114,26 @@ def write_bag(
             if time > until + _SAME_TIME:
                 break
             times.append(time)
-            _show(stage, markers, time, snapshot)
+            _show(rerun_scene, markers, time, snapshot)
             if progress is not None:
                 progress((snapshot.time - recording.start) / max(recording.end - recording.start, 1))
     stream.disconnect()
     present = np.concatenate([np.asarray(times), *(track.time for track in (truth or measured).values())])
     if not present.size:
         raise RecordingError(f"{recording.name} holds nothing up to {until:g} s; choose a later time")
-    shown = (len(times), every, tuple(stage.point_names), tuple(stage.plots))
+    shown = (len(times), every, tuple(rerun_scene.point_names), tuple(rerun_scene.plots))
     return Written(round(float(present.min()), 9), round(float(present.max()), 9), *shown)
 
 
-def _show(stage: Stage, markers: Markers | None, time: float, snapshot: Snapshot) -> None:
-    stage.sheet(time, snapshot.nodes, snapshot.shown.position)
+def _show(rerun_scene: RerunScene, markers: Markers | None, time: float, snapshot: Snapshot) -> None:
+    rerun_scene.sheet(time, snapshot.nodes, snapshot.shown.position)
     if markers is not None:
-        stage.specs(ARMS, time, markers.specs("arms", snapshot.shown))
-        stage.specs(LOADS, time, markers.specs("loads", snapshot.shown))
+        rerun_scene.specs(ARMS, time, markers.specs("arms", snapshot.shown))
+        rerun_scene.specs(LOADS, time, markers.specs("loads", snapshot.shown))
 
 
-def _write_courses(
-    stage: Stage,
+def _write_curves(
+    rerun_scene: RerunScene,
     recording: Recording,
     scene: Scene | None,
     truth: dict[str, Track],
@@ -148,9 +148,9 @@ def _write_courses(
         for tracks, plot, dots in ((truth, f"{name} state", False), (measured, f"{name} tracker", True)):
             if name in tracks:
                 moved = MM * (tracks[name].value - origin)
-                stage.curves(f"{plot}: displacement [mm]", _AXES, tracks[name].time, moved, dots=dots)
+                rerun_scene.curves(f"{plot}: displacement [mm]", _AXES, tracks[name].time, moved, dots=dots)
     for arm, track in _cut(pressure_tracks(recording), until).items():
-        stage.curves("pressure [kPa, absolute]", [arm], track.time, KPA * track.value[:, None])
+        rerun_scene.curves("pressure [kPa, absolute]", [arm], track.time, KPA * track.value[:, None])
     joints = joint_tracks(recording)
     if joints is not None:
         names, angle, torque = joints
@@ -158,7 +158,7 @@ def _write_courses(
         for plot, track in _cut(drives, until).items():
             if track.value.size:
                 factor = np.rad2deg(1.0) if "deg" in plot else 1.0
-                stage.curves(plot, names, track.time, factor * track.value)
+                rerun_scene.curves(plot, names, track.time, factor * track.value)
 
 
 def _cut(tracks: Mapping[str, Track], until: float) -> dict[str, Track]:

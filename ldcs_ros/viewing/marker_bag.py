@@ -47,7 +47,7 @@ def write_marker_bag(
     frame = recording.decode(next(iter(recording.in_order([clouds])))).header.frame_id or BASE_FRAME
     topics = {**recording.topics, **{names[topic]: TopicInfo(TOPICS[topic].type) for topic in MARKER_TOPICS}}
     writer = BagWriter(folder, topics=topics, custom_data=dict(recording.custom_data))
-    behind = _Behind(recording, scene, Markers(scene, frame), rate)
+    behind = _MarkerSource(recording, scene, Markers(scene, frame), rate)
     added = 0
     try:
         for message in recording.in_order():
@@ -67,7 +67,7 @@ def write_marker_bag(
     return added
 
 
-class _Behind:
+class _MarkerSource:
     """The markers of a bag's snapshots, each behind what was recorded at its time."""
 
     def __init__(self, recording: Recording, scene: Scene, markers: Markers, rate: float) -> None:

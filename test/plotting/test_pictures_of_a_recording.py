@@ -12,11 +12,11 @@ from PIL import Image
 from ldcs_ros import load_scene, shipped_scenes
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.plotting import motion
+from ldcs_ros.plotting.annotations import annotations_of
 from ldcs_ros.plotting.drives import drives_figure
-from ldcs_ros.plotting.pictures import draw, telling_indices
+from ldcs_ros.plotting.pictures import draw, informative_indices
 from ldcs_ros.plotting.points import points_figure
-from ldcs_ros.plotting.style import LOOKS
-from ldcs_ros.plotting.subject import subject_of
+from ldcs_ros.plotting.style import STYLES
 from ldcs_ros.plotting.surface import surface_figure
 from ldcs_ros.signals.tracks import joint_tracks, point_tracks, pressure_tracks, surface_track
 
@@ -63,10 +63,10 @@ def test_a_foreign_bag_without_a_scene_can_be_drawn(recording, tmp_path):
 
 def test_more_times_make_more_panels(recording):
     track = surface_track(recording)
-    subject = subject_of(recording, track)
+    annotations = annotations_of(recording, track)
     widths = []
     for count in (2, 4, 6):
-        figure = surface_figure([track.position(k) for k in range(count)], track.time[:count], subject)
+        figure = surface_figure([track.position(k) for k in range(count)], track.time[:count], annotations)
         panels = [axes for axes in figure.axes if axes.name == "3d"]
         assert len(panels) == count
         widths.append(figure.get_figwidth())
@@ -76,7 +76,7 @@ def test_more_times_make_more_panels(recording):
 
 def test_axes_are_scaled_equally(recording):
     track = surface_track(recording)
-    figure = surface_figure([track.position(-1)], [0.4], subject_of(recording, track))
+    figure = surface_figure([track.position(-1)], [0.4], annotations_of(recording, track))
     axes = figure.axes[0]
     spans = np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1)
     shown = axes._box_aspect
@@ -85,7 +85,7 @@ def test_axes_are_scaled_equally(recording):
 
 def test_the_default_times_follow_the_motion(recording):
     track = surface_track(recording)
-    indices = telling_indices(track)
+    indices = informative_indices(track)
     assert indices[0] == 0 and indices[-1] == len(track) - 1 and 2 < len(indices) <= 4
     moved = [np.abs(track.position(k) - track.position(0)).max() for k in indices]
     assert moved[1] < 0.8 * max(moved)
@@ -156,7 +156,7 @@ def test_a_failing_ffmpeg_is_told_and_leaves_no_file(recording, tmp_path, monkey
     a_stand_in_for_ffmpeg(tmp_path / "bin", monkeypatch, fail)
     track = surface_track(recording)
     with pytest.raises(motion.MovieError, match="no such encoder"):
-        motion.save_motion(track, subject_of(recording, track), tmp_path / "motion.mp4")
+        motion.save_motion(track, annotations_of(recording, track), tmp_path / "motion.mp4")
     assert not list(tmp_path.glob("*motion*"))
 
 
@@ -167,19 +167,19 @@ def test_a_picture_that_cannot_be_finished_leaves_no_file(recording, tmp_path, m
     monkeypatch.setattr(motion, "_write_gif", fail)
     track = surface_track(recording)
     with pytest.raises(OSError):
-        motion.save_motion(track, subject_of(recording, track), tmp_path / "motion.gif")
+        motion.save_motion(track, annotations_of(recording, track), tmp_path / "motion.gif")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("width", "inches"), [("column", 3.46), ("page", 7.09)])
 def test_print_is_as_wide_as_a_column_or_a_page_with_letters_to_match(width, inches, recording, tmp_path):
-    look = LOOKS[width]
-    written = draw(recording, tmp_path, look=look)
+    style = STYLES[width]
+    written = draw(recording, tmp_path, style=style)
     for path in written:
         with Image.open(path) as image:
             assert image.width == pytest.approx(600 * inches, abs=2)
     figure = points_figure(
-        point_tracks(recording, truth=True), {}, {}, title="No heading in print", look=look
+        point_tracks(recording, truth=True), {}, {}, title="No heading in print", style=style
     )
     assert not any("heading" in text.get_text() for text in figure.texts)
     sizes = {text.get_fontsize() for axes in figure.axes for text in axes.texts}
@@ -187,15 +187,15 @@ def test_print_is_as_wide_as_a_column_or_a_page_with_letters_to_match(width, inc
 
 
 def test_nothing_of_a_printed_picture_is_cut_off(recording, tmp_path):
-    for path in draw(recording, tmp_path, look=LOOKS["column"], times=[0.0, 0.1, 0.2, 0.4]):
+    for path in draw(recording, tmp_path, style=STYLES["column"], times=[0.0, 0.1, 0.2, 0.4]):
         image = pixels(path)
         edges = [image[:2], image[-2:], image[:, :2], image[:, -2:]]
         assert all((edge > 245).all() for edge in edges), path
 
 
 def test_vector_files_have_real_fonts_and_are_the_same_each_time(recording, tmp_path):
-    first = draw(recording, tmp_path / "a", kind="pdf", look=LOOKS["column"])
-    again = draw(recording, tmp_path / "b", kind="pdf", look=LOOKS["column"])
+    first = draw(recording, tmp_path / "a", kind="pdf", style=STYLES["column"])
+    again = draw(recording, tmp_path / "b", kind="pdf", style=STYLES["column"])
     assert [path.suffix for path in first] == [".pdf"] * 3
     for one, other in zip(first, again, strict=True):
         content = one.read_bytes()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.plotting.subject import subject_of
+from ldcs_ros.plotting.annotations import annotations_of
 from ldcs_ros.signals.tracks import joint_tracks, point_tracks, pressure_tracks, seconds, surface_track
 
 
@@ -73,16 +73,16 @@ def test_wall_clock_stamps_count_from_the_start_and_simulation_stamps_from_zero(
 
 
 def test_the_recorded_scene_tells_rest_shape_arms_and_loads(recording, scene):
-    subject = subject_of(recording, surface_track(recording))
-    assert subject.title == scene.title
-    assert np.array_equal(subject.rest.reshape(-1, 3), scene.lattice.rest_position)
-    assert subject.driven == (0, 3)
-    assert [load.mass for load in subject.loads] == [0.010, 0.0]
-    assert subject.loads[1].force.tolist() == [0.0, 0.1, 0.0]
+    annotations = annotations_of(recording, surface_track(recording))
+    assert annotations.title == scene.title
+    assert np.array_equal(annotations.rest.reshape(-1, 3), scene.lattice.rest_position)
+    assert annotations.driven == (0, 3)
+    assert [load.mass for load in annotations.loads] == [0.010, 0.0]
+    assert annotations.loads[1].force.tolist() == [0.0, 0.1, 0.0]
 
 
 def test_a_recording_without_a_scene_can_still_be_drawn(recording):
     foreign = replace(recording, custom_data={})
     track = surface_track(foreign)
-    subject = subject_of(foreign, track)
-    assert subject.loads == () and np.array_equal(subject.rest, track.position(0))
+    annotations = annotations_of(foreign, track)
+    assert annotations.loads == () and np.array_equal(annotations.rest, track.position(0))

@@ -15,6 +15,7 @@ from ldcs_ros.validate import cases, paper, tables
 from ldcs_ros.validate.measure import at_rest, circle
 
 README = Path(__file__).resolve().parents[2] / "README.md"
+PAGE = README.parent / "docs/validation.md"
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +59,12 @@ def test_validate_prints_one_json_object_and_the_readme_has_its_tables(capsys, m
     assert sorted(Path(path).name for path in result["files"]) == ["course.png", "shape.png"]
     assert main(["validate", "--markdown"]) == 0
     printed = capsys.readouterr().out.strip()
-    written = re.search(
-        r"<!-- ldcs validate --markdown -->\n(.*?)<!-- end -->", README.read_text(), re.DOTALL
-    )[1]
-    assert written.strip() == printed, "run `ldcs validate --markdown` and put its tables into the README"
+    block = re.compile(r"<!-- ldcs validate --markdown -->\n(.*?)<!-- end -->", re.DOTALL)
+    assert block.search(PAGE.read_text())[1].strip() == printed, (
+        "put `ldcs validate --markdown` into the page"
+    )
+    table_one = printed.split("\n\n")[0]
+    assert block.search(README.read_text())[1].strip() == table_one, "put its first table into the README"
     monkeypatch.setattr(paper, "COMMITTED", paper.Committed((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     assert main(["validate"]) == 1
     output = capsys.readouterr()

@@ -19,7 +19,7 @@ import pytest
 
 from ldcs_ros.cli.main import main
 from ldcs_ros.messages.display.colours import of_height
-from ldcs_ros.viewing import library, site
+from ldcs_ros.viewing import rerun_package, web_server
 from ldcs_ros.viewing.browser import find_browser
 
 NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
@@ -151,10 +151,10 @@ def test_no_other_origin_may_read_an_answer(shown):
 
 
 def test_a_connection_that_says_nothing_is_closed(monkeypatch, tmp_path):
-    monkeypatch.setattr(site._Handler, "timeout", 0.2)
+    monkeypatch.setattr(web_server._Handler, "timeout", 0.2)
     (tmp_path / "x.rrd").write_bytes(b"RRF2")
     with (
-        site._gate(0, tmp_path / "x.rrd") as gate,
+        web_server._gate(0, tmp_path / "x.rrd") as gate,
         socket.create_connection(("127.0.0.1", gate.server_port), timeout=10.0) as silent,
     ):
         silent.sendall(b"GET ")
@@ -234,9 +234,9 @@ def test_markers_need_no_viewer(bag, tmp_path, monkeypatch, capsys):
 
 
 def test_the_viewer_keeps_no_account_of_us_in_the_home(viewer, tmp_path):
-    with library.quiet_environment() as environment:
+    with rerun_package.quiet_environment() as environment:
         told = subprocess.run(
-            [str(library.program()), "analytics", "config"],
+            [str(rerun_package.program()), "analytics", "config"],
             env=environment,
             capture_output=True,
             text=True,

@@ -21,7 +21,7 @@ _COLOURED = 0.01  # of a picture: less is a page that has not drawn its sheet
 _LEAST_CHROMA = 60
 
 
-def shows_a_sheet(picture: np.ndarray) -> bool:
+def is_rendered(picture: np.ndarray) -> bool:
     """Tell whether a picture, shape (height, width, 3), holds a surface: enough pixels of a strong colour."""
     chroma = picture.max(axis=2).astype(int) - picture.min(axis=2)
     return bool((chroma > _LEAST_CHROMA).mean() > _COLOURED)
@@ -33,7 +33,7 @@ def save_picture(url: str, path: Path) -> None:
     Raises:
         ViewingError: There is no browser, or it shows no sheet in time.
     """
-    png = take_picture(url, size=PICTURE_SIZE, ready=shows_a_sheet)
+    png = take_picture(url, size=PICTURE_SIZE, ready=is_rendered)
     partial = path.with_name(f".{path.name}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

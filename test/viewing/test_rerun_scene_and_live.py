@@ -12,15 +12,15 @@ from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.display.surface import triangles
 from ldcs_ros.messages.topics import TOPICS, expand
 from ldcs_ros.twin.twin import Twin
-from ldcs_ros.viewing.live import LiveShow, is_shown
-from ldcs_ros.viewing.mesh import ShadedMesh
+from ldcs_ros.viewing.live_viewer import LiveViewer, is_shown
+from ldcs_ros.viewing.rerun_scene import ShadedMesh
 
 NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
 
 
 def entities(path):
     """Return the paths of what a .rrd file holds, read by the viewer's own program."""
-    from ldcs_ros.viewing.library import program
+    from ldcs_ros.viewing.rerun_package import program
 
     subprocess.run([str(program()), "rrd", "verify", str(path)], check=True, capture_output=True)
     printed = subprocess.run(
@@ -96,7 +96,7 @@ def test_nothing_to_show_is_said(recording, tmp_path):
 
 def test_a_running_twin_is_shown_and_a_reset_begins_anew(tmp_path):
     pytest.importorskip("rerun", reason=NEEDS_RERUN)
-    from ldcs_ros.viewing.library import new_stream
+    from ldcs_ros.viewing.rerun_package import new_stream
 
     files = []
 
@@ -106,21 +106,21 @@ def test_a_running_twin_is_shown_and_a_reset_begins_anew(tmp_path):
         made.save(files[-1])
         return made
 
-    show = LiveShow(stream)
+    viewer = LiveViewer(stream)
 
     def sink(topic, message_type, cdr, time):
         if is_shown(topic, message_type):
-            show.receive(topic, message_type, cdr)
+            viewer.receive(topic, message_type, cdr)
 
     twin = Twin(load_scene("rig"), sinks=[sink], has_subscribers=lambda name: True)
     for end in (0.04, 0.08, 0.1):
         twin.advance_to(end)
-        surfaces = show.draw()
+        surfaces = viewer.draw()
     assert surfaces == 3
     twin.reset()
     twin.advance_to(0.02)
-    assert show.draw() == 1
-    show.close()
+    assert viewer.draw() == 1
+    viewer.close()
     first, second = files
     for path in (first, second):
         assert entities(path) >= {

@@ -19,7 +19,7 @@ from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
 
 from ldcs_ros.errors import ViewingError
-from ldcs_ros.viewing.library import program, quiet_environment
+from ldcs_ros.viewing.rerun_package import program, quiet_environment
 
 HOST = "127.0.0.1"
 RECORDING = "/recording.rrd"
@@ -62,11 +62,11 @@ def bag_site(recording: Path, port: int) -> Iterator[Site]:
     Raises:
         ViewingError: The port is taken, or the viewer does not start.
     """
-    with _gate(port, recording) as gate:
-        gate.data_url = f"{gate.address.removesuffix('/')}{RECORDING}"
+    with _offline_proxy(port, recording) as proxy:
+        proxy.data_url = f"{proxy.address.removesuffix('/')}{RECORDING}"
         # Named without the token: other users can read the arguments of a process. The page has its own address.
-        with _viewer_program(gate, [f"http://{HOST}:{gate.server_port}{RECORDING}"]):
-            yield Site(gate.address, gate.data_url)
+        with _viewer_program(proxy, [f"http://{HOST}:{proxy.server_port}{RECORDING}"]):
+            yield Site(proxy.address, proxy.data_url)
 
 
 @contextmanager
@@ -80,15 +80,15 @@ def live_site(port: int, *, memory: str) -> Iterator[Site]:
     Raises:
         ViewingError: The port is taken, or the viewer does not start.
     """
-    with _gate(port, None) as gate:
+    with _offline_proxy(port, None) as proxy:
         data_port = _free_port()
-        gate.data_origin = f"http://{HOST}:{data_port}"
-        gate.data_url = f"rerun+{gate.data_origin}/proxy"
-        with _viewer_program(gate, ["--port", str(data_port), "--server-memory-limit", memory]):
-            yield Site(gate.address, gate.data_url)
+        proxy.data_origin = f"http://{HOST}:{data_port}"
+        proxy.data_url = f"rerun+{proxy.data_origin}/proxy"
+        with _viewer_program(proxy, ["--port", str(data_port), "--server-memory-limit", memory]):
+            yield Site(proxy.address, proxy.data_url)
 
 
-class _Gate(ThreadingHTTPServer):
+class _OfflineProxy(ThreadingHTTPServer):
     """Hands the viewer's page on, with a policy that keeps it from talking to anybody but us."""
 
     daemon_threads = True
@@ -146,7 +146,7 @@ class _Gate(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: _Gate
+    server: _OfflineProxy
 
     timeout = _IDLE_TIMEOUT
 
@@ -205,27 +205,27 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def _gate(port: int, recording: Path | None) -> Iterator[_Gate]:
+def _offline_proxy(port: int, recording: Path | None) -> Iterator[_OfflineProxy]:
     try:
-        gate = _Gate(port, recording)
+        proxy = _OfflineProxy(port, recording)
     except OSError as error:
         raise ViewingError(
             f"port {port} of {HOST} cannot be used: {error.strerror}; give another with --port, or 0 for any"
         ) from error
-    thread = threading.Thread(target=gate.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+    thread = threading.Thread(target=proxy.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
     thread.start()
     try:
-        yield gate
+        yield proxy
     finally:
-        gate.shutdown()
-        gate.server_close()
+        proxy.shutdown()
+        proxy.server_close()
         thread.join()
 
 
 @contextmanager
-def _viewer_program(gate: _Gate, arguments: list[str]) -> Iterator[None]:
-    gate.viewer_port = _free_port()
-    command = [str(program()), "--serve-web", "--bind", HOST, "--web-viewer-port", str(gate.viewer_port)]
+def _viewer_program(proxy: _OfflineProxy, arguments: list[str]) -> Iterator[None]:
+    proxy.viewer_port = _free_port()
+    command = [str(program()), "--serve-web", "--bind", HOST, "--web-viewer-port", str(proxy.viewer_port)]
     with quiet_environment() as environment:
         process = subprocess.Popen(
             [*command, *arguments],
@@ -238,7 +238,7 @@ def _viewer_program(gate: _Gate, arguments: list[str]) -> Iterator[None]:
             preexec_fn=_die_with_parent if sys.platform == "linux" else None,
         )
         try:
-            _wait_for(process, gate.viewer_port)
+            _wait_for(process, proxy.viewer_port)
             yield
         finally:
             process.terminate()

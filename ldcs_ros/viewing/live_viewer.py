@@ -11,7 +11,7 @@ from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.marker import specs_of
 from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
-from ldcs_ros.viewing.stage import ARMS, LOADS, Stage
+from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, RerunScene
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
 MM, KPA = 1e3, 1e-3
@@ -33,7 +33,7 @@ def is_shown(topic: str, message_type: str) -> bool:
     } and not topic.startswith(("estimate/", "rig/"))
 
 
-class LiveShow:
+class LiveViewer:
     """Collects messages and draws them when it is told to, surfaces and markers no oftener than that.
 
     When time goes back, as at a reset of the twin, a new recording begins.
@@ -82,15 +82,15 @@ class LiveShow:
             if topic == "nodes":
                 self._surfaces += 1
                 nodes = (message.height // 2, message.width)
-                self._stage.sheet(_stamp(message), nodes, cloud_positions(message))
+                self._rerun_scene.sheet(_stamp(message), nodes, cloud_positions(message))
             elif len(message.markers) > 0:
                 entity = ARMS if topic == ARMS else LOADS
-                self._stage.specs(entity, _stamp(message.markers[0]), specs_of(message))
+                self._rerun_scene.specs(entity, _stamp(message.markers[0]), specs_of(message))
         for topic, row in rows.items():
             times_of, values = np.array([time for time, _ in row]), np.array([value for _, value in row])
             parts = topic.split("/")
             if parts[0] == "truth":
-                self._stage.points(times_of, {parts[-2]: values})
+                self._rerun_scene.points(times_of, {parts[-2]: values})
             self._waiting.setdefault(topic, []).append((times_of, values))
         self._draws += 1
         if self._draws % _CURVES_EVERY == 0:
@@ -105,7 +105,7 @@ class LiveShow:
 
     def _begin(self) -> None:
         self._stream = self._new_stream()
-        self._stage = Stage(self._stream)
+        self._rerun_scene = RerunScene(self._stream)
         self._time = -np.inf
         self._surfaces = 0
         self._draws = 0
@@ -128,21 +128,25 @@ class LiveShow:
             name, truth = parts[-2], parts[0] == "truth"
             origin = self._origins.setdefault(topic, values[0])
             title = f"{name} {'state' if truth else 'tracker'}: moved so far [mm]"
-            self._stage.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
+            self._rerun_scene.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
-            self._stage.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)
+            self._rerun_scene.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)
         else:
             half = values.shape[1] // 2
-            self._stage.curves("drive torque [N m]", self._joint_names, times, values[:, :half])
+            self._rerun_scene.curves("drive torque [N m]", self._joint_names, times, values[:, :half])
             angle = np.rad2deg(values[:, half:])
-            self._stage.curves("joint angle [deg]", self._joint_names, times, angle)
+            self._rerun_scene.curves("joint angle [deg]", self._joint_names, times, angle)
 
     def _lay_out(self) -> None:
-        there = (tuple(self._stage.point_names), tuple(self._stage.plots))
+        there = (tuple(self._rerun_scene.point_names), tuple(self._rerun_scene.plots))
         if there != self._laid_out and self._surfaces > 0:
             self._laid_out = there
             self._stream.send_blueprint(
-                blueprint(self._stage.point_names, dict(sorted(self._stage.plots.items())), play="following")
+                blueprint(
+                    self._rerun_scene.point_names,
+                    dict(sorted(self._rerun_scene.plots.items())),
+                    play="following",
+                )
             )
 
 

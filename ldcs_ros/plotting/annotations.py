@@ -16,7 +16,7 @@ from ldcs_ros.signals.tracks import SurfaceTrack
 
 
 @dataclass(frozen=True)
-class Subject:
+class Annotations:
     """What is known about the recorded system.
 
     Attributes:
@@ -34,20 +34,20 @@ class Subject:
     loads: tuple[SceneLoad, ...]
 
 
-def subject_of(recording: Recording, track: SurfaceTrack) -> Subject:
+def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
     """Return what a bag says about its scene; a bag without one starts at rest and has nothing to mark."""
     scene = recorded_scene(recording)
     if scene is None:
-        return Subject(recording.name, track.position(0), {}, (), ())
-    return subject_of_scene(scene, title=scene.title or recording.name)
+        return Annotations(recording.name, track.position(0), {}, (), ())
+    return annotations_of_scene(scene, title=scene.title or recording.name)
 
 
-def subject_of_scene(scene: Scene, *, title: str) -> Subject:
+def annotations_of_scene(scene: Scene, *, title: str) -> Annotations:
     """Return what a scene says, under a title."""
     lattice = scene.lattice
     effects = scene.effects
     rest = lattice.rest_position
-    return Subject(
+    return Annotations(
         title=title,
         rest=rest.reshape(2, *lattice.nodes, 3),
         point_rest={name: point.position(rest) for name, point in scene.points.items()},
