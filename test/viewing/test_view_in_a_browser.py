@@ -154,7 +154,7 @@ def test_a_connection_that_says_nothing_is_closed(monkeypatch, tmp_path):
     monkeypatch.setattr(web_server._Handler, "timeout", 0.2)
     (tmp_path / "x.rrd").write_bytes(b"RRF2")
     with (
-        web_server._gate(0, tmp_path / "x.rrd") as gate,
+        web_server._offline_proxy(0, tmp_path / "x.rrd") as gate,
         socket.create_connection(("127.0.0.1", gate.server_port), timeout=10.0) as silent,
     ):
         silent.sendall(b"GET ")
