@@ -14,6 +14,7 @@ from ldcs_ros.estimate.reduced import NOMINAL, PARAMETERS, ReducedModel
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
 
+SHAPES = 24
 LONGEST_STEP = 0.0125
 _SAME_MOMENT = 0.004
 _SHAPE, _RATE = 2e-4, 1e-3  # m, m/s: what no parameter explains at the start
@@ -103,6 +104,7 @@ class SurfaceFilter:
         loaded: Point that carries the unknown load; the last measured one if None.
         noise: How wrong things are taken to be.
         shapes: Number of shapes.
+        basis: Mean shape and main directions of the sheet; None to search for them, which takes seconds.
         start: Time of the start [s], at rest without pressure.
 
     Attributes:
@@ -119,11 +121,12 @@ class SurfaceFilter:
         *,
         loaded: str | None = None,
         noise: Noise | None = None,
-        shapes: int = 24,
+        shapes: int = SHAPES,
+        basis: tuple[np.ndarray, np.ndarray] | None = None,
         start: float = 0.0,
     ) -> None:
         self.noise = noise or Noise()
-        self._reduced = ReducedModel(scene, loaded or points[-1], shapes=shapes)
+        self._reduced = ReducedModel(scene, loaded or points[-1], shapes=shapes, basis=basis)
         self.points = points
         self._places = {point: self._reduced.place(point) for point in points}
         self._length = scene.lattice.size[0]
@@ -160,7 +163,7 @@ class SurfaceFilter:
             The normalised innovation squared, or None if they were ignored.
 
         Raises:
-            DivergenceError: The prediction left the finite numbers; begin with a new filter.
+            DivergenceError: The prediction left the finite numbers; call `restart`.
         """
         known = [point for point in measured if point in self._places]
         if time < self.time - _SAME_MOMENT or not known:
@@ -196,6 +199,12 @@ class SurfaceFilter:
         surprise = min(squared / len(innovation), 10.0) - 1.0
         self._scale = float(np.clip(self._scale * np.exp(_PATIENCE * surprise), *_SCALES))
         return squared
+
+    def restart(self, time: float) -> None:
+        """Forget all but the reduced model and the pressures; begin at a time [s], at rest."""
+        self.restarts += 1
+        self.innovations.clear()
+        self._begin(time)
 
     def at(self, time: float) -> SurfaceEstimate:
         """Return the estimate at a time [s], not before that of the state; the state stays where it is."""
@@ -262,7 +271,7 @@ class SurfaceFilter:
         a, v = self._flow(self._a, self._v, self.time, time)
         if not (np.isfinite(a).all() and np.isfinite(transition).all()):
             raise DivergenceError(
-                f"the estimate left the finite numbers at t = {time:.3f} s; start the filter anew"
+                f"the estimate left the finite numbers at t = {time:.3f} s; restart the filter"
             )
         self._a, self._v = a, v
         self._covariance = transition @ self._covariance @ transition.T + self._process_noise(duration)

@@ -30,6 +30,7 @@ class ReducedModel:
         scene: A scene whose arms are driven by pressure.
         point: Point that carries the unknown load.
         shapes: Number of shapes.
+        basis: Mean shape and main directions, as `main_directions` returns them; None to search for them.
 
     Attributes:
         n: Number of shapes.
@@ -37,11 +38,20 @@ class ReducedModel:
         drive: Reduced force for one pascal in each arm [N/Pa], shape (n, n_arms).
     """
 
-    def __init__(self, scene: Scene, point: str, *, shapes: int = 24) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        point: str,
+        *,
+        shapes: int = 24,
+        basis: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
         self.simulation = scene.build()
         self.model: Model = self.simulation.model
-        with one_thread():
-            mean, directions = main_directions(rest_shapes(scene, point), shapes)
+        if basis is None:
+            with one_thread():
+                basis = main_directions(rest_shapes(scene, point), shapes)
+        mean, directions = basis
         self.n = len(directions)
         free = self.model.free
         self._mean = mean

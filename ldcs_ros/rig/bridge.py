@@ -25,6 +25,10 @@ from ldcs_ros.twin.twin import Twin
 _TOLERANCE = 0.08  # fraction of the largest pressure by which a sound valve may be off
 
 
+LONGEST_LAG = 1.0
+"""Time by which the twin may be late while the rig is armed [s]."""
+
+
 class Bridge:
     """Runs beside a rig; commands it only in mode live, armed, within limits, while everything is sound.
 
@@ -95,6 +99,8 @@ class Bridge:
     def stop(self) -> None:
         """Vent in mode live, wait until the rig has confirmed zero, and disconnect; `unvented` says what is left."""
         self.gate.disarm("the bridge ends")
+        if self.mirror is not None:
+            self.mirror.close()
         self.unvented = "; ".join(filter(None, [link.stop() for link in self.links]))
         if self.bag is not None:
             self._record_frames()
@@ -133,6 +139,7 @@ class Bridge:
                 found.append(f"no pressure of {arm} has been measured yet")
         if self.failure:
             found.append(f"the twin stopped: {self.failure}")
+        found += filter(None, [self._lag(now)])
         full = {arm: value for arm, value in self.measured.items() if value > EMPTY * limits.pressure}
         found += [
             f"{arm} holds {value / 1e3:.1f} kPa; call disarm, which vents it" for arm, value in full.items()
@@ -173,9 +180,19 @@ class Bridge:
                 self.gate.trip(link.vented_because)
         for arm, fault in self.watch.faults.items():
             self.gate.trip(f"{arm} {fault}")
+        lag = self._lag(now)
+        if lag:
+            self.gate.trip(lag)
         if self.failure:
             # Without it nobody can tell a sound valve from a stuck one.
             self.gate.trip(f"the twin stopped: {self.failure}")
+
+    def _lag(self, now: float) -> str:
+        """Return by how much the twin is too late to judge valves, in words; '' while it is not."""
+        lag = self.time_of(now) - self.twin.time
+        if lag <= LONGEST_LAG:
+            return ""
+        return f"the twin is {lag:.1f} s late: the machine is too slow to judge the valves"
 
     def _staleness(self, now: float) -> str:
         return self.intake.staleness(now, "pressure", self.rig.limits.rig_timeout)
@@ -211,8 +228,7 @@ class Bridge:
             elif sample.kind == "pressure":
                 self._watch_valve(sample.name, now)
         if self.mirror is not None:
-            for sample in samples:
-                self.mirror.take(sample, self.time_of(sample.time))
+            self.mirror.take([(sample, self.time_of(sample.time)) for sample in samples])
             self.mirror.report(self.time_of(now))
 
     def _called_for(self) -> np.ndarray:

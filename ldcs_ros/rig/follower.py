@@ -15,6 +15,8 @@ from ldcs_ros.twin.twin import Twin
 _SMALLEST_CHANGE = (
     50.0  # Pa: smaller changes of a set-point are noise, each command costs the solver a restart
 )
+LONGEST_ADVANCE = 0.1
+"""Simulated time of one call of `advance` [s]."""
 _SHORTEST_PERIOD = 0.02  # s
 _HISTORY = 400
 
@@ -61,9 +63,12 @@ class Follower:
             self._sent, self._sent_at = bounded, time
 
     def advance(self, time: float) -> None:
-        """Bring the twin to a time [s]; raises DivergenceError."""
+        """Bring the twin to a time [s], or a part of the way on a machine that is too slow; raises DivergenceError.
+
+        One call is bounded, so that a loop that is late once does not become later with every pass.
+        """
         if time > self.twin.time:
-            self.twin.advance_to(time)
+            self.twin.advance_to(min(time, self.twin.time + LONGEST_ADVANCE))
             self._remember()
 
     def residual(self, point: str, time: float, measured: np.ndarray) -> np.ndarray | None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
-from ldcs_ros.estimate.filter import SurfaceEstimate, SurfaceFilter
+from ldcs_ros.estimate.basis_process import BasisProcess
+from ldcs_ros.estimate.filter import SHAPES, SurfaceEstimate, SurfaceFilter
 from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.messages.lattice import NodeCloud
@@ -15,18 +18,22 @@ from ldcs_ros.twin.twin import Twin
 
 _DISHONEST = (0.5, 2.0)
 _STALE = 1.0
-_PATIENCE = 1.0  # s: so long it waits for the first pressure before it believes that none will come
+_PATIENCE = 1.0  # s: time without any pressure after which none is expected
+_MOST_POSITIONS = 16  # in one pass: 30 ms of work on a free core
 
 
 class Mirror:
-    """Feeds a SurfaceFilter with what a rig measures and emits what it believes.
+    """A SurfaceFilter that takes what a rig measures and emits what it believes.
+
+    A process of its own finds the reduced basis, so the loop goes on meanwhile; restarts of the filter keep it.
 
     Args:
         twin: The twin, through which the estimate is emitted; its publish rate holds here, too.
 
     Attributes:
-        filter: The filter.
-        restarts: How often it had to begin anew.
+        filter: The filter; None until the basis is known.
+        failure: Why there will be none; '' otherwise.
+        skipped: Measured positions that came faster than the machine could take them.
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -37,29 +44,65 @@ class Mirror:
         self._pressure: dict[str, float] = {}
         self._next_report = 0.0
         self._corrected_at = 0.0
-        self.restarts = 0
-        self.filter = self._new(0.0)
+        self.skipped = 0
+        self.filter: SurfaceFilter | None = None
+        self.failure = ""
+        self._basis: BasisProcess | None = BasisProcess(twin.scene, self._points[-1], SHAPES)
 
-    def take(self, sample: Sample, time: float) -> None:
-        """Take a sound sample that was measured at a time of the twin [s]."""
+    def close(self) -> None:
+        """End the search for the basis."""
+        if self._basis is not None:
+            self._basis.close()
+            self._basis = None
+
+    def take(self, samples: Sequence[tuple[Sample, float]]) -> None:
+        """Take sound samples, each with the time of the twin at which it was measured [s].
+
+        A late pass has a backlog: the newest positions of it count, so that no pass takes long.
+        """
+        if self.filter is None:
+            self._start_filter()
+        positions = [pair for pair in samples if pair[0].kind == "position" and pair[0].name in self._points]
+        dropped = {id(sample) for sample, _ in positions[:-_MOST_POSITIONS]}
+        if self.filter is not None:
+            self.skipped += len(dropped)
+        for sample, time in samples:
+            if sample.kind == "pressure":
+                self._take_pressure(sample, time)
+            elif sample.kind == "position" and sample.name in self._points and id(sample) not in dropped:
+                self._take_position(sample, time)
+
+    def _take_pressure(self, sample: Sample, time: float) -> None:
         arms = self._twin.simulation.arm_names
-        if sample.kind == "pressure":
-            self._pressure[sample.name] = max(float(sample.value), 0.0)
-            if sample.name == arms[-1]:
-                self.filter.pressure(time, np.array([self._pressure.get(arm, 0.0) for arm in arms]))
-        elif sample.kind == "position" and sample.name in self._points:
-            if not self._pressure and time < _PATIENCE:
+        self._pressure[sample.name] = max(float(sample.value), 0.0)
+        if self.filter is not None and sample.name == arms[-1]:
+            self.filter.pressure(time, np.array([self._pressure.get(arm, 0.0) for arm in arms]))
+
+    def _take_position(self, sample: Sample, time: float) -> None:
+        if self.filter is None or (not self._pressure and time < _PATIENCE):
+            return
+        try:
+            if self.filter.correct(time, {sample.name: sample.value}) is not None:
+                self._corrected_at = time
+        except DivergenceError:
+            self.filter.restart(time)
+
+    def _start_filter(self) -> None:
+        """Start the filter once the basis is known."""
+        if self._basis is None:
+            return
+        try:
+            basis = self._basis.result()
+            if basis is None:
                 return
-            try:
-                if self.filter.correct(time, {sample.name: sample.value}) is not None:
-                    self._corrected_at = time
-            except DivergenceError:
-                self.restarts += 1
-                self.filter = self._new(time)
+            self.filter = SurfaceFilter(self._twin.scene, self._points, basis=basis, start=self._twin.time)
+        except DivergenceError as error:
+            self.failure = str(error)
+        self.close()
 
     def report(self, time: float) -> None:
         """Emit the estimate for a time of the twin [s], at the twin's publish rate."""
-        if time < self._next_report or time - self._corrected_at > _STALE:
+        if self.filter is None or time < self._next_report or time - self._corrected_at > _STALE:
             return
         self._next_report = max(self._next_report + self._period, time - self._period)
         if not self._pressure:
@@ -75,13 +118,18 @@ class Mirror:
 
     def status(self) -> Status:
         """Return what the filter says of itself."""
+        if self.filter is None:
+            if self.failure:
+                return Status("estimate", ERROR, self.failure, {})
+            return Status("estimate", WARN, "the shapes of the sheet are being computed", {})
         surface = self.filter
         silent = self._twin.time - self._corrected_at
         estimate = surface.at(surface.time)
         values: dict[str, object] = {
             "normalised innovation squared": surface.consistency,
             "outliers": surface.outliers,
-            "restarts": self.restarts + surface.restarts,
+            "restarts": surface.restarts,
+            "skipped positions": self.skipped,
         }
         for name, value in estimate.parameters.items():
             values[name] = f"{value:.3f} +- {estimate.deviation[name]:.3f}"
@@ -94,9 +142,6 @@ class Mirror:
         if not low <= surface.consistency <= high:
             return Status("estimate", WARN, f"its covariance does not fit what is measured; {words}", values)
         return Status("estimate", OK, words, values)
-
-    def _new(self, start: float) -> SurfaceFilter:
-        return SurfaceFilter(self._twin.scene, self._points, start=start)
 
 
 def _pose(now: int, point: str, estimate: SurfaceEstimate) -> bytes:

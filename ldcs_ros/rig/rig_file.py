@@ -17,6 +17,7 @@ from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output_link import OutputLink
 from ldcs_ros.rig.reading import ARM_NAMES, KINDS
+from ldcs_ros.rig.rig_check import check_rig
 from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.schema.checks import Checks
@@ -99,6 +100,7 @@ def _rig(content: Any, text: str) -> RigFile:
     senders = [one for one in links if not isinstance(one, TopicSettings) or one.send is not None]
     if len(senders) > 1:
         raise BridgeError("more than one link takes set-points; leave one of them @ links")
+    check_rig(links, limits)
     return RigFile(str(block.get("title", "rig")), limits, links, text)
 
 

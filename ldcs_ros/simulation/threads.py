@@ -11,7 +11,9 @@ from threadpoolctl import ThreadpoolController
 
 @cache
 def _controller() -> Any:
-    # Made at the first use, when numpy and scipy have loaded their libraries.
+    # The controller finds the libraries that are loaded: SciPy brings a BLAS of its own beside NumPy's.
+    import scipy.linalg  # noqa: F401
+
     return ThreadpoolController().select(user_api="blas")
 
 
