@@ -202,11 +202,15 @@ class Run:
         return children[0]
 
     def pressurise(self, pressure: float = WORKING) -> None:
-        """Arm and bring both chambers to a pressure [mbar]."""
-        if self.arm():
+        """Arm and bring both chambers to a pressure [mbar]; a bridge that a busy machine starves is armed again."""
+        for _ in range(3):
+            if not self.arm():
+                return
             self.operator.pressure = [pressure * 100.0] * 2
-            if not self.until(lambda: min(self.chambers.pressure()) > 0.9 * pressure, 4.0):
-                self.faults.append("did not reach the working pressure")
+            if self.until(lambda: min(self.chambers.pressure()) > 0.9 * pressure, 3.0):
+                return
+            self.operator.pressure = None
+        self.faults.append("did not reach the working pressure")
 
     def measure(self) -> Row:
         """Run the event and return its row."""
@@ -230,7 +234,11 @@ class Run:
             self.close()
 
     def close(self) -> None:
-        """Stop what it started."""
+        """Stop what it started; keep the terminals and what the graph told beside the other files."""
+        terminal = [(moment, line) for bridge in self.bridges for moment, line in bridge.lines]
+        lines = sorted([*terminal, *self.operator.heard])
+        text = [f"{moment - self.reference:+9.3f} {line}\n" for moment, line in lines]
+        (self.folder / "terminal.txt").write_text("".join(text))
         for bridge in self.bridges:
             bridge.end()
         self.operator.close()

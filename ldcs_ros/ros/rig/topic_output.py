@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
@@ -24,6 +25,8 @@ from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.ros.common.optional import message_type
 
 NAMESPACE = "/ldcs"
+SPINNING = "output graph"
+_LONGEST_END = 1.0
 
 
 def topic_device(kind: str, settings: Settings, limits: Limits, clock: Callable[[], float]) -> Device:
@@ -50,7 +53,7 @@ def topic_device(kind: str, settings: Settings, limits: Limits, clock: Callable[
     )
     for rule in rules:
         node.create_subscription(message_type(rule.type), rule.topic, partial(_hear, device, rule), listening)
-    threading.Thread(target=_spin, args=(node,), name="output graph", daemon=True).start()
+    threading.Thread(target=_spin, args=(node,), name=SPINNING, daemon=True).start()
     return device
 
 
@@ -67,9 +70,22 @@ def _hear(device: TopicDevice, rule: Incoming, message: Any) -> None:
 def _spin(node: Any) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while rclpy.ok():
-        executor.spin_once(timeout_sec=1.0)
+    with contextlib.suppress(ExternalShutdownException):
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
+
+
+def main() -> NoReturn:
+    """Run the output process and end it with its exit status."""
+    status = serve(topic_device)
+    rclpy.try_shutdown()
+    # A thread inside ROS would abort the interpreter's end, and the status would no longer say what was confirmed.
+    for thread in threading.enumerate():
+        if thread.name == SPINNING:
+            thread.join(_LONGEST_END)
+    sys.stderr.flush()
+    os._exit(status)
 
 
 if __name__ == "__main__":
-    sys.exit(serve(topic_device))
+    main()
