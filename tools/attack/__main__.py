@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument("--slow", action="store_true", help="also the rows that take a minute")
     parser.add_argument("--keep", action="store_true", help="keep the files of each run")
     parser.add_argument("--list", action="store_true", help="print the rows, run none")
-    parser.add_argument("--write", type=Path, help="Markdown file whose table is replaced")
+    parser.add_argument("--write", type=Path, help="Markdown file in whose table the rows are replaced")
     arguments = parser.parse_args()
     chosen = [
         event
@@ -70,7 +70,7 @@ def main() -> int:
     unsafe = [row for row in rows if not row.safe]
     print(f"{len(rows)} events in {time.monotonic() - began:.0f} s, {len(unsafe)} unsafe")
     if arguments.write:
-        write_table(arguments.write, rows)
+        write_table(arguments.write, rows, events())
     if arguments.keep:
         print(f"files of each run: {folder}")
     else:

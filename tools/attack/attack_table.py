@@ -1,27 +1,41 @@
-"""The table of attacks in Markdown, between two markers of a page."""
+"""The table of attacks in Markdown, between two markers of a page; its rows are kept beside it as JSON."""
 
 from __future__ import annotations
 
+import dataclasses
+import fcntl
+import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
-from attack_run import MARGIN, PROMISE, Row
+from attack_run import MARGIN, PROMISE, REFUSED, STAYS_EMPTY, Event, Row
 
 BEGIN, END = "<!-- attacks: begin -->", "<!-- attacks: end -->"
 _LONGEST = 110
 
+Key = tuple[str, str, str]
 
-def write_table(page: Path, rows: list[Row]) -> None:
-    """Replace the table of a page.
+
+def write_table(page: Path, rows: Iterable[Row], events: Iterable[Event]) -> None:
+    """Replace the measured rows of a page's table; rows of other events stay as they were measured last.
 
     Raises:
         ValueError: The page has no markers.
     """
-    text = page.read_text(encoding="utf-8")
-    if BEGIN not in text or END not in text:
-        raise ValueError(f"{page} has no markers {BEGIN} and {END}")
-    head, tail = text.split(BEGIN)[0], text.split(END)[1]
-    page.write_text(f"{head}{BEGIN}\n{table(rows)}\n{END}{tail}", encoding="utf-8")
+    store = page.with_name("attacks.json")
+    with open(page, encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        text = page.read_text(encoding="utf-8")
+        if BEGIN not in text or END not in text:
+            raise ValueError(f"{page} has no markers {BEGIN} and {END}")
+        known = {_key(row): row for row in _read(store)} | {_key(row): row for row in rows}
+        order = dict.fromkeys(_key(event) for event in events)
+        kept = [known[key] for key in order if key in known]
+        content = [dataclasses.asdict(row) for row in kept]
+        store.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        head, tail = text.split(BEGIN)[0], text.split(END)[1]
+        page.write_text(f"{head}{BEGIN}\n{table(kept)}\n{END}{tail}", encoding="utf-8")
 
 
 def table(rows: list[Row]) -> str:
@@ -36,24 +50,26 @@ def table(rows: list[Row]) -> str:
     return "\n".join([*lines, *map(_line, rows)])
 
 
+def _read(store: Path) -> list[Row]:
+    if not store.exists():
+        return []
+    content = json.loads(store.read_text(encoding="utf-8"))
+    return [Row(**{**one, "faults": tuple(one["faults"])}) for one in content]
+
+
+def _key(row: Row | Event) -> Key:
+    return row.transport, row.phase, row.what
+
+
 def _line(row: Row) -> str:
     seen = row.seen if len(row.seen) <= _LONGEST else f"{row.seen[: _LONGEST - 3]}..."
-    seen = re.sub(r"[|`<>]", " ", seen)
-    verdict = "safe" if row.safe else f"UNSAFE: {'; '.join(row.faults)}".replace("|", "/")
-    cells = (
-        row.transport,
-        row.phase,
-        row.what,
-        _time(row, row.zero),
-        _time(row, row.empty),
-        seen,
-        row.exit_status,
-        verdict,
-    )
-    return f"| {' | '.join(str(cell) for cell in cells)} |"
+    verdict = "safe" if row.safe else f"UNSAFE: {'; '.join(row.faults)}"
+    times = _time(row, row.zero), _time(row, row.empty)
+    cells = (row.transport, row.phase, row.what, *times, seen, row.exit_status, verdict)
+    return f"| {' | '.join(re.sub(r'[|`<>]', ' ', str(cell)) for cell in cells)} |"
 
 
 def _time(row: Row, value: float | None) -> str:
-    if row.expected in ("stays empty", "refused at the start"):
+    if row.expected in (STAYS_EMPTY, REFUSED):
         return row.expected if row.safe else "-"
     return "never" if value is None else f"{value:.2f} s"

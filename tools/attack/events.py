@@ -300,9 +300,8 @@ def events() -> list[Event]:
 def _signals() -> list[Event]:
     out = []
     for transport in TRANSPORTS:
-        quick = transport == "modbus"
         out += [
-            Event("SIGINT (Ctrl-C) to the node", transport, send(signal.SIGINT), quick=quick),
+            Event("SIGINT (Ctrl-C) to the node", transport, send(signal.SIGINT)),
             Event("SIGTERM to the node", transport, send(signal.SIGTERM)),
             Event(
                 "SIGHUP (terminal closed, ssh lost)",
@@ -310,7 +309,13 @@ def _signals() -> list[Event]:
                 send(signal.SIGHUP),
                 quick=transport == "serial",
             ),
-            Event("kill -9 of the node", transport, send(signal.SIGKILL), exits=(-9,), quick=True),
+            Event(
+                "kill -9 of the node",
+                transport,
+                send(signal.SIGKILL),
+                exits=(-9,),
+                quick=transport != "serial",
+            ),
             Event("node stopped for 1 s, then continued", transport, pause(1.0), seen="vented"),
             Event("kill -9 of the output process", transport, hit_output(signal.SIGKILL), seen="vented"),
         ]
@@ -329,7 +334,13 @@ def _signals() -> list[Event]:
     ]
     for transport, phase in ((m, VENT), (m, SILENCE), ("serial", VENT), ("topics", SILENCE)):
         out += [
-            Event("SIGINT to the node", transport, send(signal.SIGINT), phase, quick=phase == VENT),
+            Event(
+                "SIGINT to the node",
+                transport,
+                send(signal.SIGINT),
+                phase,
+                quick=(transport, phase) == (m, VENT),
+            ),
             Event("SIGTERM to the node", transport, send(signal.SIGTERM), phase),
         ]
     out += [
@@ -345,7 +356,7 @@ def _starvation() -> list[Event]:
     m = "modbus"
     return [
         Event("node stopped for 0.3 s, then operator silence", m, pause(0.3), seen="no command"),
-        Event("node stopped for 5 s, then continued", m, pause(5.0), seen="vented", quick=True),
+        Event("node stopped for 5 s, then continued", m, pause(5.0), seen="vented"),
         Event("node stopped 0.3 s out of each 0.4 s, then operator silence", m, throttled),
         Event("4 busy loops for 8 s, operator silence in between", m, starved(4, 8.0)),
         Event("12 busy loops for 60 s, operator silence in between", m, starved(12, 60.0), slow=True),
@@ -353,10 +364,7 @@ def _starvation() -> list[Event]:
 
 
 def _operator() -> list[Event]:
-    out = [
-        Event("operator silent", one, fall_silent, seen="no command", quick=one == "topics")
-        for one in TRANSPORTS
-    ]
+    out = [Event("operator silent", one, fall_silent, seen="no command") for one in TRANSPORTS]
     m, limit = "modbus", LIMITS["pressure"]
     nonsense = (math.nan, math.nan)
     out += [
@@ -420,7 +428,7 @@ def _modbus() -> list[Event]:
         Event("50 answers of random bytes", m, answers("random bytes", 50)),
         Event("answers split into bytes", m, answers("split"), outcome=GOES_ON),
         Event("each answer late by 0.3 s, for 2 s", m, _late_answers, heals=True),
-        Event("silent island, for 2 s", m, answers("silent"), heals=True, seen="vented", quick=True),
+        Event("silent island, for 2 s", m, answers("silent"), heals=True, seen="vented"),
         Event("cable pulled, for 2 s", m, pulled, heals=True, seen="vented"),
         Event("island restarted, its valves keep their set-point", m, restarted),
         Event("island refuses writes, for 2 s", m, answers("refuses writes"), heals=True, seen="refuse"),
@@ -431,7 +439,6 @@ def _modbus() -> list[Event]:
             m,
             answers("works to 1950 mbar"),
             seen="vented",
-            quick=True,
         ),
         Event("measured pressure above the limit", m, answers("above limit"), seen="vented"),
         Event("measured pressures of -32768 and 32767", m, answers("not a number"), seen="vented"),

@@ -26,6 +26,7 @@ WRONG_ANSWERS = (
     "other transaction",
     "other unit",
     "random bytes",
+    "random answers",
 )
 # Misbehaviour of the device itself.
 FAULTS = (
@@ -49,8 +50,12 @@ FAULTS = (
 class Island:
     """Serves one TCP port until `close`.
 
+    Args:
+        seed: Seed of what is random.
+
     Attributes:
         chambers: The chambers.
+        answered: Number of answers.
         fault: What it does wrong now; '' for nothing.
         away: It is unplugged.
         remaining: Answers that the fault still spoils; None for all.
@@ -58,12 +63,13 @@ class Island:
         drift: The measured values are older by so many seconds per second from `drift_from`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, seed: int = 3) -> None:
         self.chambers = Chambers()
         self.fault, self.remaining, self.delay = "", None, 0.1
         self.away = False
+        self.answered = 0
         self.drift, self.drift_from = 0.0, 0.0
-        self._random = random.Random(3)
+        self._random = random.Random(seed)
         self._connections: list[socket.socket] = []
         self._ending = threading.Event()
         self._server: socket.socket | None = None
@@ -154,6 +160,7 @@ class Island:
         fault = self._take_fault()
         if fault == "silent":
             return
+        self.answered += 1
         answer = self._work(request, fault)
         function = request[0]
         reads = function in (3, 4)
@@ -171,6 +178,8 @@ class Island:
             transaction = (transaction + 7) & 0xFFFF
         elif fault == "other unit":
             unit = (unit + 5) & 0xFF
+        elif fault == "random answers":
+            answer = self._random_answer(request)
         elif fault == "delayed":
             time.sleep(self.delay)
         data = struct.pack(">HHHB", transaction, 0, len(answer) + 1, unit) + answer
@@ -188,6 +197,14 @@ class Island:
                 time.sleep(0.001)
             return
         connection.sendall(data)
+
+    def _random_answer(self, request: bytes) -> bytes:
+        """Return an answer in a valid frame: function, byte count and registers are right or random."""
+        source = self._random
+        function = source.choice((request[0], request[0], request[0], source.randrange(1, 256)))
+        payload = source.randbytes(source.choice((0, 1, 2, 3, 4, 4, 4, 8, 10, 250)))
+        count = source.choice((len(payload), len(payload), source.randrange(256)))
+        return bytes([function, count]) + payload
 
     def _work(self, request: bytes, fault: str) -> bytes:
         function = request[0]

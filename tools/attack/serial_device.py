@@ -86,6 +86,14 @@ class SerialDevice:
         self.away = False
         self._plug()
 
+    def say(self, data: bytes) -> None:
+        """Send bytes, in pieces that the terminal takes."""
+        while data:
+            try:
+                data = data[os.write(self._master, data[:1024]) :]
+            except BlockingIOError:
+                return
+
     def close(self) -> None:
         """End it."""
         self._ending.set()
@@ -111,18 +119,18 @@ class SerialDevice:
                 ready, _, _ = select.select([master], [], [], max(0.0, due - time.monotonic()))
                 if ready:
                     *lines, waiting = (waiting + os.read(master, 4096)).split(b"\n")
-                    for line in lines:
-                        self._take(master, line)
+                    for raw in lines:
+                        self._take(master, raw)
                 if time.monotonic() >= due:
                     due = max(due + _PERIOD, time.monotonic() - 0.1)
                     self._report(master)
             except (OSError, ValueError):
                 waiting = b""
 
-    def _take(self, master: int, line: bytes) -> None:
+    def _take(self, master: int, raw: bytes) -> None:
         if self.fault == "echo":
-            self._write(master, line + b"\n")
-        text, _, told = line.decode("ascii", "replace").rpartition("*")
+            self._write(master, raw + b"\n")
+        text, _, told = raw.decode("ascii", "replace").rpartition("*")
         if told != f"{_checksum(text):02X}":
             return
         kind, number, *values = text.split()
@@ -132,9 +140,9 @@ class SerialDevice:
         if self.fault in ("no acknowledgements", "silent"):
             return
         if self.fault == "refuses":
-            self._write(master, _line(f"E {number} {self._milliseconds()} out_of_range"))
+            self._write(master, line(f"E {number} {self._milliseconds()} out_of_range"))
         else:
-            self._write(master, _line(f"A {number} {self._milliseconds()}"))
+            self._write(master, line(f"A {number} {self._milliseconds()}"))
 
     def _report(self, master: int) -> None:
         fault = self.fault
@@ -156,7 +164,7 @@ class SerialDevice:
             elif fault == "not a number":
                 shown[2:] = ["nan", "inf"]
             self._last = f"S {self._number} {self._milliseconds(age)} {' '.join(shown)}"
-        data = _line(self._last)
+        data = line(self._last)
         if fault == "wrong checksum":
             data = data[:-3] + b"ZZ\n"
         elif fault == "endless line":
@@ -183,5 +191,6 @@ def _checksum(text: str) -> int:
     return total
 
 
-def _line(text: str) -> bytes:
-    return f"{text}*{_checksum(text):02X}\n".encode("ascii")
+def line(text: str) -> bytes:
+    """Return a line of the protocol: text, checksum, newline."""
+    return f"{text}*{_checksum(text):02X}\n".encode("ascii", "replace")

@@ -1,0 +1,42 @@
+"""A selection of the attacks of `make attack`: the bridge as a process against hostile devices, one event each."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed")
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "attack"))
+
+from attack_run import Run  # noqa: E402
+from events import events  # noqa: E402
+from random_answers import random_lines, random_modbus  # noqa: E402
+
+SELECTION = [event for event in events() if event.quick]
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize(
+    "event", SELECTION, ids=lambda event: f"{event.transport}, {event.phase}: {event.what}"
+)
+def test_no_event_leaves_a_chamber_under_pressure(event, tmp_path):
+    domain = 10 + (os.getpid() * 13 + SELECTION.index(event)) % 220
+    row = Run(event, tmp_path, domain).measure()
+    assert row.safe, f"{row.faults}\n{(tmp_path / 'terminal.txt').read_text()}"
+
+
+def test_random_modbus_answers_end_no_stage():
+    assert random_modbus(1500) > 500
+
+
+def test_random_serial_lines_end_no_stage():
+    assert random_lines(3000) > 1000
+
+
+def test_the_table_has_more_than_sixty_events_over_three_transports():
+    every = events()
+    assert len({(event.transport, event.phase, event.what) for event in every}) == len(every) > 60
+    assert {event.transport for event in every} == {"modbus", "serial", "topics"}
