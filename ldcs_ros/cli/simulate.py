@@ -135,7 +135,7 @@ def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -
 def _warm_up(twin: Twin) -> None:
     # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
     # takes that out of the run's own time.
-    twin.simulation.scene.build().advance_to(1e-4)
+    twin.scene.build().advance_to(1e-4)
 
 
 def _give_up(twin: Twin, recorder: Recorder | None) -> str:

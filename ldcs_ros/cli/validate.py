@@ -44,9 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables, write the pictures; status 1 if an error has grown."""
     from ldcs_ros import load_scene
-    from ldcs_ros.validate import calibration, course, paper, tables
-    from ldcs_ros.validate.cases import CALIBRATED, all_cases
+    from ldcs_ros.validate import calibration, paper, tables, transient
+    from ldcs_ros.validate.cases import all_cases
     from ldcs_ros.validate.measure import RADIUS_METHOD
+    from ldcs_ros.validate.parameters import CALIBRATED
 
     quiet = arguments.json or arguments.markdown
     with Progress(1.0, label="cases", unit="", quiet=quiet) as bar:
@@ -61,19 +62,19 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n\n".join(tables.as_markdown(rows) for _, rows in blocks))
         return EXIT_GROWN if grown else 0
     content = calibration.calibrated_content()
-    motion = course.run(load_scene(CALIBRATED))
+    motion = transient.simulate(load_scene(CALIBRATED))
     result = {**_plain(cases), "grown": grown, "radius_method": RADIUS_METHOD}
     result["course"] = {
         "settled_after_s": motion.settling,
         "overshoot_mm": motion.overshoot,
-        "time_constant_c_over_k_s": course.time_constant(content),
+        "time_constant_c_over_k_s": transient.time_constant(content),
     }
     figures = {}
     if arguments.output is not None:
         from ldcs_ros.validate import pictures
 
         figures["shape"] = pictures.shape_figure(calibrated.rest, "The calibrated twin at rest")
-        figures["course"] = pictures.course_figure(motion, "P0 and P1 of the calibrated twin in time")
+        figures["course"] = pictures.transient_figure(motion, "P0 and P1 of the calibrated twin in time")
     if arguments.calibrate:
         found, extra = _calibrate(content, quiet=quiet, result=result)
         blocks += found
@@ -82,9 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.damping:
         with Progress(1.0, label="damping", unit="", quiet=quiet) as progress:
             runs = []
-            for number, damped in enumerate(course.sweep(content), start=1):
+            for number, damped in enumerate(transient.sweep(content), start=1):
                 runs.append(damped)
-                progress.show(number / len(course.DAMPINGS))
+                progress.show(number / len(transient.DAMPINGS))
         blocks.append(
             ("damping: all dampers of sheet and arms scaled with c; cost against c = 5", tables.damping(runs))
         )
@@ -103,9 +104,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) -> tuple[list[Any], Any]:
-    from ldcs_ros.validate import calibration, determinacy, tables
+    from ldcs_ros.validate import calibration, identifiability, tables
+    from ldcs_ros.validate.parameters import PARAMETERS
 
-    total = 4 + len(determinacy.STRUCTURES) + len(PROFILE)
+    total = 4 + len(identifiability.STRUCTURES) + len(PROFILE)
     done = 0
 
     with Progress(1.0, label="calibration", unit="", quiet=quiet) as bar:
@@ -117,25 +119,25 @@ def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) 
 
         again = calibration.fit(content)
         step()
-        sure = determinacy.confidence(again.content, again.seen)
+        confidence = identifiability.confidence(again.content, again.seen)
         step()
-        ways = determinacy.directions(content)
+        directions = identifiability.directions(content)
         step()
-        moved = determinacy.sensitivities(content)
+        moved = identifiability.sensitivities(content)
         step()
         rivals = []
-        for rival in determinacy.compare_structures(content, bar.say):
+        for rival in identifiability.compare_structures(content, bar.say):
             rivals.append(rival)
             step()
         held = []
-        stiffness = calibration.PARAMETERS[0]
-        for pair in determinacy.profile(content, stiffness.path, list(PROFILE)):
+        stiffness = PARAMETERS[0]
+        for pair in identifiability.profile(content, stiffness.path, list(PROFILE)):
             held.append(pair)
             step()
-    fitted = tables.fitted(again.values, calibration.PARAMETERS, sure)
+    fitted = tables.fitted(again.values, PARAMETERS, confidence)
     blocks = [
-        (f"fitted again: chi2 {sure.misfit:.1f} for {sure.freedom} degrees of freedom", fitted),
-        ("directions of the parameters", tables.directions(ways)),
+        (f"fitted again: chi2 {confidence.misfit:.1f} for {confidence.freedom} degrees of freedom", fitted),
+        ("directions of the parameters", tables.directions(directions)),
         ("sensitivity [mm]: change when a parameter grows by its plausible range", tables.sensitivity(moved)),
         ("structures, each with its best fit (errors in mm)", tables.structures(rivals)),
         ("profile: the other numbers fitted again (errors in mm)", tables.profiled(stiffness, held)),

@@ -84,7 +84,9 @@ class Point:
         """Return position [m], shape (3,), and orientation as a unit quaternion x, y, z, w, shape (4,)."""
         return self.position(position), quaternion(self.frame(position))
 
-    def couple(self, position: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def moment_as_nodal_forces(
+        self, position: np.ndarray, torque: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the nodes of the patch and forces on them [N], shape (n, 3), equivalent to a torque [N m].
 
         Point masses have no rotation of their own, so the torque becomes the forces of least norm with zero

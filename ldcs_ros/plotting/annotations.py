@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,9 @@ from ldcs_ros.bags import Recording
 from ldcs_ros.messages.display.loads import SceneLoad, scene_loads
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.effects.driven_edges import DrivenEdges
-from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.signals.tracks import SurfaceTrack
+from ldcs_ros.simulation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
     return annotations_of_scene(scene, title=scene.title or recording.name)
 
 
-def annotations_of_scene(scene: Scene, *, title: str) -> Annotations:
+def annotations_of_scene(scene: Problem, *, title: str) -> Annotations:
     """Return what a scene says, under a title."""
     lattice = scene.lattice
     effects = scene.effects
@@ -56,7 +57,7 @@ def annotations_of_scene(scene: Scene, *, title: str) -> Annotations:
     )
 
 
-def _driven_rows(effects: tuple[Effect, ...], ny: int) -> tuple[int, ...]:
+def _driven_rows(effects: Sequence[Effect], ny: int) -> tuple[int, ...]:
     rows: set[int] = set()
     for effect in effects:
         if effect.name == "arms":

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time as wall_clock
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +17,8 @@ from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
 from ldcs_ros.simulation.inputs import Inputs
+from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.threads import one_thread
-
-if TYPE_CHECKING:
-    from ldcs_ros.scene.scene import Scene
 
 DEFAULT_INTEGRATOR = "esdirk43"
 # Events closer than this are one: 0.34 + 0.02 and 0.36 differ by rounding, and no step fits between them [s].
@@ -69,7 +66,7 @@ class Simulation:
         SceneError: The scene's effects do not fit together.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Problem) -> None:
         self.scene = scene
         try:
             self.model = Model(scene.lattice, scene.points, scene.effects, scene.material)
@@ -183,7 +180,7 @@ class Simulation:
         return self._taken[2]
 
     def _build_state(self) -> State:
-        motion = self._motion()
+        motion = self.motion()
         n = 3 * self.lattice.n_nodes
         arms = (2, -1) if self.model.n_angles else (0, 0)
         # A command that nobody has advanced past yet is waiting to act.
@@ -247,7 +244,7 @@ class Simulation:
 
     def energy(self) -> tuple[float, float]:
         """Return the kinetic and the potential (elastic and gravitational) energy [J]."""
-        motion = self._motion()
+        motion = self.motion()
         return self.model.kinetic_energy(motion.q, motion.u), self.model.potential_energy(self.time, motion.q)
 
     def settle(self) -> None:
@@ -295,7 +292,8 @@ class Simulation:
                 break
             self._run_events(stop)
 
-    def _motion(self) -> Motion:
+    def motion(self) -> Motion:
+        """Return generalised coordinates, velocities and accelerations at the present time."""
         return self._step.at(self.time, self.model)
 
     def _integrate_to(self, stop: float) -> None:
@@ -313,7 +311,7 @@ class Simulation:
         # A command acts now: drop what was integrated past now, and keep the smooth part of the acceleration.
         if self.inputs.version == self._seen:
             return
-        motion, held = self._motion(), self.inputs.held()
+        motion, held = self.motion(), self.inputs.held()
         if motion.time != self.time:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
         before = self.model.accelerate(self.time, motion.q, motion.u, self._held)

@@ -10,7 +10,8 @@ import numpy as np
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.scene import load_scene
-from ldcs_ros.study.courses import PERIOD, Course, follow, problem, sampled
+from ldcs_ros.simulation.simulation import Simulation
+from ldcs_ros.study.drive_profiles import PERIOD, DriveProfile, follow, problem, sampled
 from ldcs_ros.study.problems import positions
 from ldcs_ros.study.scipy_solvers import solve
 from ldcs_ros.study.tasks import BASELINE, Row, Task
@@ -29,7 +30,7 @@ def command_rates(task: Task) -> list[Row]:
     """Return a row for each solver at one command rate, the task's value [Hz]; SMOOTH for the course itself."""
     content, course = problem(task.scene)
 
-    def build(accuracy: float) -> Any:
+    def build(accuracy: float) -> Simulation:
         simulation = load_scene({**content, "solver": {"accuracy": accuracy}}).build()
         if task.value == SMOOTH:
             follow(simulation, course)
@@ -74,7 +75,7 @@ class Rivals:
     """
 
     task: Task
-    course: Course
+    course: DriveProfile
     known: np.ndarray
     ours: Row
 
@@ -91,7 +92,7 @@ class Rivals:
         if self.task.scene != "arc_pushed" or rate == SMOOTH or not HAVE_NUMBA:
             return []
         simulation = scene_of("arc", 9).build()
-        mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+        mode, _ = fastest_mode(simulation.model, simulation.motion(), simulation.inputs.held())
         for h in (step for step in BASELINE_STEPS if step * rate <= 1.0 + 1e-9):
             solver = ArcBaseline(9, h, mode.spectral_radius)
             solver.run_pushed(TIMES[:1], rate, self.course.at)
@@ -113,7 +114,7 @@ class Rivals:
         for accuracy in BDF_ACCURACIES:
             simulation = build(accuracy)
 
-            def command(count: int, simulation: Any = simulation) -> float:
+            def command(count: int, simulation: Simulation = simulation) -> float:
                 self.course.send(simulation.inputs, self.course.at(count / rate))
                 return (count + 1) / rate
 

@@ -8,6 +8,8 @@ from typing import Any
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.scene import load_scene
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.study.problems import content_of
 from ldcs_ros.study.tasks import Row, Task
@@ -29,7 +31,7 @@ def effect_costs(task: Task) -> list[Row]:
     content = content_of(task.scene, task.nodes)
     named = {effect["type"] for effect in content["effects"]}
     content["effects"] += [effect for effect in ADDED if effect["type"] not in named]
-    simulations: dict[str, Any] = {}
+    simulations: dict[str, Simulation] = {}
     rows = []
     for left_out in ("none", *dict.fromkeys(effect["type"] for effect in content["effects"])):
         scene = _without(content, left_out)
@@ -51,24 +53,24 @@ def effect_costs(task: Task) -> list[Row]:
     return rows
 
 
-def _without(content: dict[str, Any], left_out: str) -> Any:
+def _without(content: dict[str, Any], left_out: str) -> Scene:
     kept = [effect for effect in content["effects"] if effect["type"] != left_out]
     inputs = [] if left_out == "arms" else content.get("inputs", [])
     return load_scene({**content, "effects": kept, "inputs": inputs, "solver": {"accuracy": ACCURACY}})
 
 
-def _row(task: Task, simulation: Any, left_out: str, **values: Any) -> Row:
+def _row(task: Task, simulation: Simulation, left_out: str, **values: Any) -> Row:
     nodes, method = simulation.lattice.nodes[0], simulation.integrator.name
     return Row("effect", task.scene, nodes, method, left_out, ACCURACY, **values)
 
 
-def _evaluations(simulations: dict[str, Any]) -> dict[str, tuple[float, float]]:
+def _evaluations(simulations: dict[str, Simulation]) -> dict[str, tuple[float, float]]:
     """Return the CPU time of a force evaluation and of a Jacobian [s], measured in turns."""
     best = {name: (float("inf"), float("inf")) for name in simulations}
     with one_thread():
         for _ in range(ROUNDS):
             for name, simulation in simulations.items():
-                model, motion = simulation.model, simulation._motion()
+                model, motion = simulation.model, simulation.motion()
                 where = (motion.time, motion.q, motion.u, simulation.inputs.held())
                 began = time.thread_time()
                 for _ in range(CALLS):
@@ -81,7 +83,7 @@ def _evaluations(simulations: dict[str, Any]) -> dict[str, tuple[float, float]]:
     return best
 
 
-def _steps(simulation: Any) -> tuple[dict[str, Any], float]:
+def _steps(simulation: Simulation) -> tuple[dict[str, Any], float]:
     """Return what SPAN seconds from the present state cost, as values of a row, and the CPU time of a step [us]."""
     start = simulation.state
 

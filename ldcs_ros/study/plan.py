@@ -7,7 +7,7 @@ from typing import Any
 
 from ldcs_ros.scene import shipped_scenes
 from ldcs_ros.study.command_rates import SMOOTH
-from ldcs_ros.study.courses import DRIVEN
+from ldcs_ros.study.drive_profiles import DRIVEN
 from ldcs_ros.study.tasks import BASELINE, Task
 
 IMPLICIT = ("esdirk43", "trbdf2", "rosenbrock_w", "linearly_implicit_euler")

@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.simulation.simulation import Simulation
+
 # Times at which node positions are compared [s]; the last one ends a run.
 ERROR_TIMES = (0.5, 1.0, 2.0, 3.0)
 # Scenes with another spring law than the shipped one.
@@ -27,7 +30,7 @@ def content_of(name: str, nodes: int | None = None) -> dict[str, Any]:
     return content
 
 
-def scene_of(name: str, nodes: int | None = None, **solver: Any) -> Any:
+def scene_of(name: str, nodes: int | None = None, **solver: Any) -> Scene:
     """Return a problem's scene with a solver block, for example `integrator="rkc2", accuracy=1e-5`."""
     from ldcs_ros.scene import load_scene
 
@@ -37,7 +40,7 @@ def scene_of(name: str, nodes: int | None = None, **solver: Any) -> Any:
     return load_scene(content)
 
 
-def positions(simulation: Any, times: tuple[float, ...]) -> np.ndarray:
+def positions(simulation: Simulation, times: tuple[float, ...]) -> np.ndarray:
     """Advance a simulation through times [s]; return all node positions there [m], shape (n_times, n_nodes,
     3)."""
     course = []

@@ -121,7 +121,7 @@ def _methods() -> str:
         scene = scene_of("arc_axiswise" if name == "exponential" else "arc", 9)
         simulation = scene.build()
         try:
-            limit = kind(simulation.model).stability_limit(simulation._motion(), simulation.inputs.held())
+            limit = kind(simulation.model).stability_limit(simulation.motion(), simulation.inputs.held())
         except SolverError:
             limit = math.nan
         module = inspect.getmodule(kind)

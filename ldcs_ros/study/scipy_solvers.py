@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import time as wall_clock
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.integrators.first_order import FirstOrder
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 
 # Absolute tolerance of rates against that of positions [1/s]; rates of 0.1 m/s belong to displacements of centimetres.
@@ -19,7 +19,7 @@ SAME_TIME = 1e-9
 
 
 def solve(
-    simulation: Any,
+    simulation: Simulation,
     method: str,
     accuracy: float,
     times: tuple[float, ...],
@@ -45,7 +45,7 @@ def solve(
     """
     from scipy.integrate import solve_ivp
 
-    model, motion = simulation.model, simulation._motion()
+    model, motion = simulation.model, simulation.motion()
     n_nodes, n = model.lattice.n_nodes, len(model.free)
     course: dict[float, np.ndarray] = {}
     counts = {"steps": 0, "evaluations": 0, "factorisations": 0}

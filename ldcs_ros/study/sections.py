@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ldcs_ros.integrators import INTEGRATORS, integrator_class
 from ldcs_ros.study.command_rates import ACCURACY, SMOOTH, against_smooth
-from ldcs_ros.study.courses import PERIOD
+from ldcs_ros.study.drive_profiles import PERIOD
 from ldcs_ros.study.growth import exponents, measured, peak_memory
 from ldcs_ros.study.markdown import table
 from ldcs_ros.study.orders import WHOLE, mean_order, orders

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
 
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.physics.compiled import HAVE_NUMBA
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.study.problems import ERROR_TIMES, scene_of
 from ldcs_ros.study.tasks import Row, Task
@@ -39,7 +39,7 @@ def bound(task: Task) -> list[Row]:
     scene.build().advance_to(0.01)  # loads and compiles
     own, _ = best_of(task.runs, lambda: scene.build().advance_to(ERROR_TIMES[-1]))
     simulation = scene.build()
-    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    mode, _ = fastest_mode(simulation.model, simulation.motion(), simulation.inputs.held())
     steps: list[float] = []
     while simulation.time < ERROR_TIMES[-1]:
         # Just past the end of the last step: the next one is made, as long as it likes.
@@ -64,7 +64,7 @@ def bound(task: Task) -> list[Row]:
     ]
 
 
-def _one_evaluation(task: Task, simulation: Any, radius: float) -> float:
+def _one_evaluation(task: Task, simulation: Simulation, radius: float) -> float:
     """Return the CPU time of a stage [s]: the compiled baseline's where springs do all the work, else the force's."""
     from ldcs_ros.study.baseline import ArcBaseline
 
@@ -73,7 +73,7 @@ def _one_evaluation(task: Task, simulation: Any, radius: float) -> float:
         solver.run(ERROR_TIMES[:1])
         taken, _ = best_of(3, lambda: solver.run(ERROR_TIMES[:1]))
         return taken / (round(ERROR_TIMES[0] / solver.h) * solver.stages)
-    model, motion, held = simulation.model, simulation._motion(), simulation.inputs.held()
+    model, motion, held = simulation.model, simulation.motion(), simulation.inputs.held()
     best = math.inf
     with one_thread():
         for _ in range(5):

@@ -12,6 +12,8 @@ import numpy as np
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.physics.compiled import HAVE_NUMBA
+from ldcs_ros.scene.scene import Scene
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.study.problems import ERROR_TIMES, positions, scene_of
 from ldcs_ros.study.timing import best_of
 
@@ -198,7 +200,7 @@ def _baseline(task: Task, known: np.ndarray | None) -> Row:
     if not HAVE_NUMBA:
         raise RuntimeError("the compiled baseline needs numba")
     simulation = scene_of("arc", task.nodes).build()
-    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    mode, _ = fastest_mode(simulation.model, simulation.motion(), simulation.inputs.held())
     ArcBaseline(5, 0.1, 1e3).run(ERROR_TIMES[:1])  # compiles
     solver = ArcBaseline(task.nodes, task.value, mode.spectral_radius)
     pace = best_of(1, solver.step)[0] / solver.h
@@ -217,7 +219,7 @@ def _baseline(task: Task, known: np.ndarray | None) -> Row:
     )
 
 
-def _pace(scene: Any, probe: float) -> float:
+def _pace(scene: Scene, probe: float) -> float:
     """Return the CPU seconds per simulated second of the first `probe` seconds."""
     simulation = scene.build()
     simulation.advance_to(1e-4)  # loads and compiles
@@ -225,7 +227,7 @@ def _pace(scene: Any, probe: float) -> float:
     return cpu / (probe - 1e-4)
 
 
-def _watch(simulation: Any, budget: float) -> list[np.ndarray]:
+def _watch(simulation: Simulation, budget: float) -> list[np.ndarray]:
     """Return the positions at the comparison times of a long run, looked at now and then.
 
     Raises:

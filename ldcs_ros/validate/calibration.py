@@ -15,10 +15,10 @@ from scipy.optimize import least_squares
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.schema.paths import get_value, with_values
+from ldcs_ros.schema.paths import with_values
 from ldcs_ros.validate import paper
-from ldcs_ros.validate.cases import CALIBRATED
 from ldcs_ros.validate.measure import MM, Rest, at_rest
+from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS, SENSOR_HEIGHT, Parameter, present
 
 # What the data are worth, one standard deviation: the printed digits and the tracker allow 0.1 mm; "r = 0.115 m"
 # is printed to 1 mm.
@@ -26,62 +26,7 @@ DISPLACEMENT_SIGMA = 0.1  # mm
 RADIUS_SIGMA = 0.5  # mm
 # Central differences of rest states that are balanced to 1e-12 m: a step of 1e-4 of the scale is exact to 1e-6.
 DIFFERENCE = 1e-4
-# Not a key of the scene: the height above the mid-plane at which P0 and P1 are taken [m].
-SENSOR_HEIGHT = "sensor_height"
 OBSERVATIONS = ("P0 x", "P0 z", "P1 x", "P1 z", "r")
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number that the paper does not print, or that could be read otherwise.
-
-    Attributes:
-        short: Name for tables.
-        path: Where it stands in the scene.
-        unit: SI unit.
-        low, high: Bounds of what is physical.
-        spread: What one would believe without the data: half the width of the plausible range.
-        origin: Why these bounds.
-    """
-
-    short: str
-    path: str
-    unit: str
-    low: float
-    high: float
-    spread: float
-    origin: str
-
-
-PARAMETERS = (
-    Parameter(
-        "joint stiffness", "effects.arms.joint_stiffness", "N m/rad", 0.02, 2.0, 0.2,
-        "not printed; stiffer than a 35 mm strip of the sheet (0.006), softer than a rigid arm",
-    ),
-    Parameter(
-        "joint torque at 1.4 bar", "inputs[0].torque", "N m", 0.02, 0.19, 0.08,
-        "not printed; at most 1.4 bar on all of the arm's section under the backbone, times the lever",
-    ),
-    Parameter(
-        "backbone height", "effects.arms.backbone_height", "m", -0.005, 0.005, 0.0025,
-        "not printed; the rig's inextensible layer lies inside the sheet, above the chambers if the arm bends up",
-    ),
-)  # fmt: skip
-
-# Everything else that the paper leaves open, as it stands in the scene; k and the payload's height are there to
-# show what other readings of the text would change.
-OPEN = (
-    Parameter("base joint share", "effects.arms.base_joint_share", "", 0.25, 4.0, 0.5, "1: all joints alike"),
-    Parameter("stiff base", "effects.arms.rigid_base", "m", 0.0, 0.017, 0.005, "0: bends from the clamp on"),
-    Parameter("coupling stiffness", "effects.arms.coupling_stiffness", "N/m", 500.0, 1e5, 4000.0, "100 k"),
-    Parameter("link mass", "effects.arms.link_mass", "kg", 1e-4, 0.02, 0.004, "arms weigh 40 g of their own"),
-    Parameter(
-        "spring stiffness", "effects.springs.stiffness", "N/m", 80.0, 200.0, 20.0, "from E = 75.35 kPa"
-    ),
-    Parameter("sheet mass", "lattice.mass", "kg", 0.14, 0.21, 0.005, "printed: 160 g"),
-    Parameter("payload mass", "effects.payload.mass", "kg", 0.03, 0.05, 0.001, "printed: 40 g"),
-    Parameter("sensor height", SENSOR_HEIGHT, "m", -0.005, 0.005, 0.0025, "0: on the mid-plane"),
-)
 
 
 @dataclass(frozen=True)
@@ -106,11 +51,6 @@ class Fit:
 def calibrated_content() -> dict[str, Any]:
     """Return the shipped calibrated scene as plain values."""
     return load_scene(CALIBRATED).content
-
-
-def present(content: dict[str, Any], parameter: Parameter) -> float:
-    """Return a parameter's value in a scene; the scene must name it."""
-    return 0.0 if parameter.path == SENSOR_HEIGHT else float(get_value(content, parameter.path))
 
 
 def fitted_content(content: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:

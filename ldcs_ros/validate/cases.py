@@ -14,8 +14,8 @@ from ldcs_ros.physics.effects.springs import LAWS
 from ldcs_ros.scene import load_scene
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.measure import Rest, at_rest
+from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS
 
-CALIBRATED = "paper_calibrated"
 # The search for the torque: first guess, growth, and where it gives up [N m].
 FIRST_TORQUE, TORQUE_GROWTH, LARGEST_TORQUE = 0.02, 1.25, 2.0
 RADIUS_TOLERANCE = 1e-5  # of the radius
@@ -115,7 +115,6 @@ def calibrated_case() -> Case:
     """Return the shipped calibrated scene."""
     scene = load_scene(CALIBRATED)
     torque = scene.inputs[-1].torque
-    from ldcs_ros.validate.calibration import PARAMETERS
 
     names = ", ".join(parameter.short for parameter in PARAMETERS)
     return Case("calibrated", "the calibrated twin", names, float(torque), at_rest(scene))

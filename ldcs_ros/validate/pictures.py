@@ -24,10 +24,10 @@ from ldcs_ros.plotting.style import (
 )
 from ldcs_ros.plotting.surface import common_frame, draw_surface
 from ldcs_ros.validate import paper
-from ldcs_ros.validate.course import Course, Damped
-from ldcs_ros.validate.determinacy import Sensitivity
+from ldcs_ros.validate.identifiability import Sensitivity
 from ldcs_ros.validate.measure import Rest
 from ldcs_ros.validate.tables import plausible_range, signed
+from ldcs_ros.validate.transient import Damped, Transient
 
 # (elevation, azimuth) [deg]: as in the paper's Figure 5 a, from behind the clamp, and b, from the side.
 # A parameter whose effect the held radius cancels moves by rounding alone; the labels show 0.1 mm.
@@ -54,7 +54,7 @@ def shape_figure(rest: Rest, title: str) -> Figure:
     return figure
 
 
-def course_figure(course: Course, title: str) -> Figure:
+def transient_figure(transient: Transient, title: str) -> Figure:
     """Draw displacement against time of P0 and P1, with Table I's experiment as dashes."""
     height = 2.5 * len(paper.POINTS) + 0.8
     figure = new_figure(7.2, height)
@@ -65,15 +65,15 @@ def course_figure(course: Course, title: str) -> Figure:
         axes = figure.add_subplot(grid[number])
         labels = []
         for which, (axis, colour) in enumerate(AXIS_COLOURS.items()):
-            track = course.moved[name][:, which]
-            axes.plot(course.time, track, color=colour, linewidth=1.7)
+            track = transient.moved[name][:, which]
+            axes.plot(transient.time, track, color=colour, linewidth=1.7)
             axes.axhline(paper.EXPERIMENT[name][which], color=colour, linewidth=1.0, linestyle=(0, (5, 4)))
             labels.append((float(track[-1]), f"{axis}  {signed(track[-1], 1)} mm", colour))
         axes.margins(x=0.0, y=0.08)
         label_line_ends(axes, labels)
         last = number == len(paper.POINTS) - 1
         style_axes(axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name)
-    settled = f"within 0.1 mm of rest after {course.settling:.2f} s"
+    settled = f"within 0.1 mm of rest after {transient.settling:.2f} s"
     add_title(
         figure, title, f"lines: the twin   dashes: the experiment's steady values (Table I)   {settled}"
     )
@@ -86,8 +86,8 @@ def damping_figure(runs: Sequence[Damped], title: str) -> Figure:
     axes = figure.add_axes((0.1, 0.14, 0.73, 0.66))
     labels = []
     for run, colour in zip(runs, LINE_COLOURS, strict=False):
-        track = run.course.moved["P1"][:, 2]
-        axes.plot(run.course.time, track, color=colour, linewidth=1.5)
+        track = run.transient.moved["P1"][:, 2]
+        axes.plot(run.transient.time, track, color=colour, linewidth=1.5)
         labels.append((float(track[-1]), f"c = {run.damping:g} N s/m", colour))
     axes.axhline(paper.EXPERIMENT["P1"][2], color=SOFT_INK, linewidth=1.0, linestyle=(0, (5, 4)))
     axes.margins(x=0.0)

@@ -1,4 +1,4 @@
-"""Results as text: Table I, the models compared, what was fitted and how sure it is; for terminals and Markdown."""
+"""Results as tables for terminals and Markdown: Table I, the models compared, the fit and its confidence."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ldcs_ros.validate import paper
-from ldcs_ros.validate.calibration import OBSERVATIONS, Fit, Parameter, target
+from ldcs_ros.validate.calibration import OBSERVATIONS, Fit, target
 from ldcs_ros.validate.cases import Case
-from ldcs_ros.validate.course import Damped
-from ldcs_ros.validate.determinacy import Confidence, Direction, Sensitivity, Structure
+from ldcs_ros.validate.identifiability import Confidence, Direction, Sensitivity, Structure
+from ldcs_ros.validate.parameters import Parameter
+from ldcs_ros.validate.transient import Damped
 
 Rows = list[list[str]]
 
@@ -134,16 +135,16 @@ def sensitivity(found: Sequence[Sensitivity]) -> Rows:
 def damping(runs: Sequence[Damped]) -> Rows:
     """Return a row a damping: settling, overshoot, steps, cost and error."""
     rows = [["c [N s/m]", "settled after [s]", "overshoot [mm]", "steps for 3 s", "cost", "error [um]"]]
-    base = next((run.course.wall_time for run in runs if run.damping == 5.0), runs[0].course.wall_time)
+    base = next((run.transient.wall_time for run in runs if run.damping == 5.0), runs[0].transient.wall_time)
     for run in runs:
-        late = "not within 3" if np.isinf(run.course.settling) else f"{run.course.settling:.2f}"
-        cost = f"{run.course.wall_time / base:.1f}"
+        late = "not within 3" if np.isinf(run.transient.settling) else f"{run.transient.settling:.2f}"
+        cost = f"{run.transient.wall_time / base:.1f}"
         rows.append(
             [
                 f"{run.damping:g}",
                 late,
-                f"{run.course.overshoot:.1f}",
-                str(run.course.steps),
+                f"{run.transient.overshoot:.1f}",
+                str(run.transient.steps),
                 cost,
                 f"{1e6 * run.error:.2g}",
             ]

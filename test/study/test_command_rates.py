@@ -8,7 +8,7 @@ import pytest
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.scene import load_scene
 from ldcs_ros.study import command_rates, sections
-from ldcs_ros.study.courses import DRIVEN, PERIOD, Chamber, Course, follow, problem, sampled
+from ldcs_ros.study.drive_profiles import DRIVEN, PERIOD, Chamber, DriveProfile, follow, problem, sampled
 from ldcs_ros.study.tasks import Task, perform
 
 SHORT = (0.02, 0.04)
@@ -20,14 +20,14 @@ def built(name, accuracy=1e-5):
 
 
 def test_a_course_begins_and_ends_softly_at_nothing():
-    course = Course("pressure", 140e3)
+    course = DriveProfile("pressure", 140e3)
     assert course.at(0.0) == course.at(-1.0) == 0.0
     assert course.at(0.5 * PERIOD) == pytest.approx(140e3)
     assert course.at(PERIOD) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_chamber_that_follows_a_course_obeys_its_equation():
-    course, delay, h = Course("pressure", 1.0), 0.02, 1e-4
+    course, delay, h = DriveProfile("pressure", 1.0), 0.02, 1e-4
     chamber = Chamber(course, 0.15, 0.10, delay)
     pressure = 0.0
     for k in range(round(2.0 * PERIOD / h)):

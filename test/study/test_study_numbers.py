@@ -10,7 +10,7 @@ import pytest
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.study import effect_costs, plan, promise, tasks
 from ldcs_ros.study.baseline import ArcBaseline
-from ldcs_ros.study.courses import DRIVEN, problem
+from ldcs_ros.study.drive_profiles import DRIVEN, problem
 from ldcs_ros.study.problems import content_of, positions, scene_of
 from ldcs_ros.study.recommendation import cheapest, recommendation
 from ldcs_ros.study.report import promise_is_kept, report

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.validate import calibration, course, determinacy, pictures, tables
-from ldcs_ros.validate.calibration import PARAMETERS, SENSOR_HEIGHT, present
-from ldcs_ros.validate.cases import CALIBRATED
+from ldcs_ros.validate import calibration, identifiability, pictures, tables, transient
 from ldcs_ros.validate.measure import at_rest
+from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS, SENSOR_HEIGHT, present
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +18,7 @@ def content():
 
 @pytest.fixture(scope="module")
 def moved(content):
-    return determinacy.sensitivities(content)
+    return identifiability.sensitivities(content)
 
 
 def test_at_most_four_numbers_were_fitted_each_inside_its_bounds(content):
@@ -35,10 +34,10 @@ def test_fitting_again_from_elsewhere_comes_back_to_the_shipped_numbers(content)
         "effects.arms.backbone_height": 0.0,
     }
     again = calibration.fit(content, start=start)
-    sure = determinacy.confidence(content, again.seen)
+    confidence = identifiability.confidence(content, again.seen)
     for parameter in PARAMETERS:
         gap = abs(again.values[parameter.path] - present(content, parameter))
-        assert gap < 0.5 * sure.deviation[parameter.short], parameter.short
+        assert gap < 0.5 * confidence.deviation[parameter.short], parameter.short
     assert np.abs(again.seen - calibration.target())[:4].max() < 0.6
 
 
@@ -51,16 +50,16 @@ def test_a_sensor_at_half_the_thickness_sits_on_the_top_node(content):
 
 
 def test_five_numbers_leave_the_other_directions_undetermined(content):
-    ways = determinacy.directions(content)
-    unheard = [way for way in ways if way.strength < 1.0]
-    assert len(unheard) >= len(ways) - len(calibration.OBSERVATIONS)
-    assert "no" in [row[1] for row in tables.directions(ways)]
+    directions = identifiability.directions(content)
+    unheard = [direction for direction in directions if direction.strength < 1.0]
+    assert len(unheard) >= len(directions) - len(calibration.OBSERVATIONS)
+    assert "no" in [row[1] for row in tables.directions(directions)]
 
 
 def test_a_held_radius_is_held(moved):
     for item in moved:
         assert abs(item.held[-1]) < 1e-9
-    torque = next(item for item in moved if item.parameter.path == determinacy.TORQUE)
+    torque = next(item for item in moved if item.parameter.path == identifiability.TORQUE)
     assert np.abs(torque.held).max() < 1e-9 and abs(torque.alone[3]) > 10.0
 
 
@@ -74,20 +73,20 @@ def test_slopes_predict_a_small_change(content, moved):
 
 
 def test_p0_and_p1_settle_within_the_papers_seconds():
-    motion = course.run(load_scene(CALIBRATED))
+    motion = transient.simulate(load_scene(CALIBRATED))
     rest = at_rest(load_scene(CALIBRATED)).displacement
     assert 0.3 < motion.settling < 2.0
     assert motion.overshoot < 15.0
     for name, track in motion.moved.items():
         assert np.abs(track[:, 1]).max() < 1e-6  # mm
         np.testing.assert_allclose(track[-1], rest[name], atol=0.05)
-    assert pictures.course_figure(motion, "a title").axes
+    assert pictures.transient_figure(motion, "a title").axes
 
 
 def test_more_damping_settles_without_overshoot(content):
-    heavy = course.run(load_scene(course.with_damping(content, 16.0)))
+    heavy = transient.simulate(load_scene(transient.with_damping(content, 16.0)))
     assert heavy.overshoot < 0.1
-    assert course.time_constant(content) == pytest.approx(5.0 / 138.8)
+    assert transient.time_constant(content) == pytest.approx(5.0 / 138.8)
 
 
 def test_the_tornado_plot_has_a_bar_for_each_parameter_but_the_torque(moved, tmp_path):

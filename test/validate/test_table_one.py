@@ -13,6 +13,7 @@ from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
 from ldcs_ros.validate import cases, paper, tables
 from ldcs_ros.validate.measure import at_rest, circle
+from ldcs_ros.validate.parameters import CALIBRATED
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 PAGE = README.parent / "docs/validation.md"
@@ -73,7 +74,7 @@ def test_validate_prints_one_json_object_and_the_readme_has_its_tables(capsys, m
 
 def test_the_calibrated_stiffness_gives_the_printed_modulus_in_a_tension_test():
     # Pulled at the free edge, strain over the inner columns, as a tensile test measures it away from its grips.
-    scene = load_scene(cases.CALIBRATED)
+    scene = load_scene(CALIBRATED)
     pull, ny = 0.05, 9
     effects = [
         {"type": "springs", "law": "axial", "stiffness": scene.effect("springs").stiffness},

@@ -16,7 +16,7 @@ from ldcs_ros.messages.display.marker import LINE_STRIP, MarkerSpec, marker_arra
 from ldcs_ros.messages.display.surface import SurfaceMesh
 from ldcs_ros.messages.topics import BASE_FRAME
 from ldcs_ros.physics.inputs import Wrench
-from ldcs_ros.scene.scene import Scene
+from ldcs_ros.simulation.problem import Problem
 
 STEP = 2.5e-4  # m between two points of a trace
 LENGTH = 1000  # points of a trace
@@ -79,7 +79,7 @@ class Markers:
         frame: Name of the base frame.
     """
 
-    def __init__(self, scene: Scene, frame: str = BASE_FRAME) -> None:
+    def __init__(self, scene: Problem, frame: str = BASE_FRAME) -> None:
         self._scene = scene
         self._frame = frame
         self._traces = Traces()

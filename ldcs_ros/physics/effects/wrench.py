@@ -75,5 +75,5 @@ class WrenchTerm(Term):
             push, torque = self.in_base(name, wrench, position)
             force[coordinates(point.nodes)] += push / len(point.nodes)
             if torque.any():
-                patch, pushes = point.couple(position, torque)
+                patch, pushes = point.moment_as_nodal_forces(position, torque)
                 force[coordinates(patch)] += pushes

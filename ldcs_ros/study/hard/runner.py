@@ -54,7 +54,7 @@ class Stuck(Exception):
 
 
 @dataclass(frozen=True)
-class Course:
+class DriveProfile:
     """What a run went through.
 
     Attributes:
@@ -90,7 +90,7 @@ def run_case(case: HardCase) -> Row:
 
 def march(
     simulation: Simulation, duration: float, looks: Sequence[float], patience: float, *, audited: bool
-) -> Course:
+) -> DriveProfile:
     """Advance a simulation step by step and collect its positions at the looks.
 
     Raises:
@@ -114,7 +114,7 @@ def march(
             memory = _memory()
         if wall_clock.monotonic() > deadline:
             raise Stuck
-    return Course(np.array(looks), np.array(positions), audit, _memory() - memory)
+    return DriveProfile(np.array(looks), np.array(positions), audit, _memory() - memory)
 
 
 def _started(case: HardCase, scene: Scene) -> Simulation:
@@ -145,7 +145,7 @@ def _measured(row: Row, simulation: Simulation) -> Row:
     return replace(row, steps=spent.steps, rejected_steps=spent.rejected_steps, pace=pace)
 
 
-def _judge(case: HardCase, simulation: Simulation, course: Course) -> Row:
+def _judge(case: HardCase, simulation: Simulation, course: DriveProfile) -> Row:
     audit = course.audit.relative if course.audit is not None else math.nan
     if not np.isfinite(course.positions).all():
         return Row(case, "wrong", audit=audit, note="a position is not finite")
@@ -163,7 +163,7 @@ def _judge(case: HardCase, simulation: Simulation, course: Course) -> Row:
     return Row(case, "wrong" if notes else "right", error, audit, note="; ".join(notes))
 
 
-def _compare(case: HardCase, simulation: Simulation, course: Course) -> tuple[float, float]:
+def _compare(case: HardCase, simulation: Simulation, course: DriveProfile) -> tuple[float, float]:
     """Return the worst error [m] and its bound."""
     right = case.right
     if isinstance(right, Reference):

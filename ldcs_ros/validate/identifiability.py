@@ -1,4 +1,4 @@
-"""What Table I can and cannot tell: confidence, undetermined directions, profile, sensitivity, rival structures."""
+"""Identifiability from Table I: confidence, undetermined directions, profile, sensitivity, rival structures."""
 
 from __future__ import annotations
 
@@ -9,18 +9,8 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.schema.paths import with_values
-from ldcs_ros.validate.calibration import (
-    OPEN,
-    PARAMETERS,
-    SENSOR_HEIGHT,
-    Fit,
-    Parameter,
-    fit,
-    fitted_content,
-    sigma,
-    slopes,
-    target,
-)
+from ldcs_ros.validate.calibration import Fit, fit, fitted_content, sigma, slopes, target
+from ldcs_ros.validate.parameters import OPEN, PARAMETERS, SENSOR_HEIGHT, Parameter
 
 Progress = Callable[[str], None]
 TORQUE = "inputs[0].torque"

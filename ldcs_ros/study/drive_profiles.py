@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.physics.inputs import HeldInputs, Wrench
+from ldcs_ros.simulation.inputs import Inputs
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.study.problems import content_of
 
 PERIOD = 2.0  # s: from nothing to everything and back
@@ -22,7 +24,7 @@ DRIVEN = {
 
 
 @dataclass(frozen=True)
-class Course:
+class DriveProfile:
     """What is commanded over time, (1 - cos(2 pi t / PERIOD)) / 2 of the most.
 
     Attributes:
@@ -37,7 +39,7 @@ class Course:
         """Return the value at a time [s]; 0 before the start."""
         return 0.5 * self.most * (1.0 - math.cos(2.0 * math.pi * max(time, 0.0) / PERIOD))
 
-    def send(self, inputs: Any, value: float) -> None:
+    def send(self, inputs: Inputs, value: float) -> None:
         """Command a value."""
         if self.kind == "pressure":
             inputs.set_pressure(value)
@@ -47,16 +49,18 @@ class Course:
             inputs.set_wrench(PUSHED_NODE, force=(0.0, 0.0, value))
 
 
-def problem(name: str) -> tuple[dict[str, Any], Course]:
+def problem(name: str) -> tuple[dict[str, Any], DriveProfile]:
     """Return the content of a driven problem's scene, whose own commands are left out, and its course."""
     shipped, kind, most = DRIVEN[name]
     content = {**content_of(shipped), "inputs": []}
     if kind == "wrench":
         content["effects"] = [*content["effects"], {"type": "wrench"}]
-    return content, Course(kind, most)
+    return content, DriveProfile(kind, most)
 
 
-def sampled(simulation: Any, course: Course, rate: float, times: tuple[float, ...]) -> np.ndarray:
+def sampled(
+    simulation: Simulation, course: DriveProfile, rate: float, times: tuple[float, ...]
+) -> np.ndarray:
     """Advance through times [s] with a command every 1 / rate; return all node positions there [m], shape (n_times,
     n_nodes, 3)."""
     positions, count = [], 0
@@ -70,21 +74,23 @@ def sampled(simulation: Any, course: Course, rate: float, times: tuple[float, ..
     return np.array(positions)
 
 
-def follow(simulation: Any, course: Course) -> None:
+def follow(simulation: Simulation, course: DriveProfile) -> None:
     """Let a simulation's drive follow the course itself, which no command can ask for: the smooth case.
 
     On this simulation's one term only: model, Jacobian and solver are those of every other run.
     """
     if course.kind == "wrench":
-        pushed = simulation.model.wrench
+        pushed: Any = simulation.model.wrench
 
-        def add_force(time: float, q: Any, u: Any, inputs: HeldInputs, force: np.ndarray) -> None:
+        def add_force(
+            time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        ) -> None:
             now = {PUSHED_NODE: Wrench(force=(0.0, 0.0, course.at(time)))}
             type(pushed).add_force(pushed, time, q, u, HeldInputs(wrenches=now), force)
 
         pushed.add_force = add_force
         return
-    term = simulation.model.arms
+    term: Any = simulation.model.arms
     arms, shape = term.arms, (2, term.n_links)
     if course.kind == "pressure":
         chamber = Chamber(course, arms.fill_time, arms.vent_time, arms.dead_time)
@@ -103,7 +109,7 @@ class Chamber:
         dead_time: How much later the valve answers [s].
     """
 
-    def __init__(self, course: Course, fill_time: float, vent_time: float, dead_time: float) -> None:
+    def __init__(self, course: DriveProfile, fill_time: float, vent_time: float, dead_time: float) -> None:
         self._rate, self._half, self._delay = 2.0 * math.pi / PERIOD, 0.5 * course.most, dead_time
         self._course = course
         self._parts: list[tuple[float, float, float]] = [(0.0, fill_time, self._rest(0.0, 0.0, fill_time))]

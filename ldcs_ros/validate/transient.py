@@ -20,7 +20,7 @@ DAMPERS = ("effects.springs.damping", "effects.arms.joint_damping", "effects.arm
 
 
 @dataclass(frozen=True)
-class Course:
+class Transient:
     """A run from the flat sheet at rest, with gravity and actuation at t = 0.
 
     Attributes:
@@ -40,7 +40,7 @@ class Course:
     wall_time: float
 
 
-def run(scene: Scene, *, duration: float = DURATION) -> Course:
+def simulate(scene: Scene, *, duration: float = DURATION) -> Transient:
     """Return the motion of P0, P1, ... of a scene."""
     rest = at_rest(scene).displacement
     simulation = scene.build()
@@ -62,7 +62,7 @@ def run(scene: Scene, *, duration: float = DURATION) -> Course:
     )
     statistics = simulation.statistics
     steps = statistics.steps + statistics.rejected_steps
-    return Course(time, tracks, settling, max(beyond, 0.0), steps, statistics.wall_time)
+    return Transient(time, tracks, settling, max(beyond, 0.0), steps, statistics.wall_time)
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ class Damped:
 
     Attributes:
         damping: Coefficient c of the sheet's dampers [N s/m]; all other dampers are scaled alike.
-        course: The motion at the scene's accuracy.
+        transient: The motion at the scene's accuracy.
         error: Largest distance of P0 and P1 from a run a hundred times as accurate [m].
     """
 
     damping: float
-    course: Course
+    transient: Transient
     error: float
 
 
@@ -90,13 +90,13 @@ def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iter
     """Yield the motion for each damping, with its error against a run a hundred times as accurate."""
     for damping in dampings:
         scene = load_scene(with_damping(content, damping))
-        course = run(scene)
-        exact = run(scene.with_accuracy(TIGHT * float(scene.solver.accuracy or 1e-5)))
+        transient = simulate(scene)
+        exact = simulate(scene.with_accuracy(TIGHT * float(scene.solver.accuracy or 1e-5)))
         gap = max(
-            float(np.linalg.norm(course.moved[name] - exact.moved[name], axis=1).max())
-            for name in course.moved
+            float(np.linalg.norm(transient.moved[name] - exact.moved[name], axis=1).max())
+            for name in transient.moved
         )
-        yield Damped(damping, course, gap / MM)
+        yield Damped(damping, transient, gap / MM)
 
 
 def time_constant(content: dict[str, Any]) -> float:

@@ -1,0 +1,51 @@
+"""`Problem`: the part of a scene that a simulation needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from ldcs_ros.integrators.settings import Solver
+from ldcs_ros.physics.effects.base import Effect
+from ldcs_ros.physics.inputs import ScheduledCommand
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
+from ldcs_ros.physics.points import Point
+
+
+class Problem(Protocol):
+    """An initial value problem: a lattice with effects, a schedule of commands and the settings of its integration.
+
+    A `Scene` is one. Units and frames of the parts are those of their own classes.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name for people."""
+
+    @property
+    def lattice(self) -> Lattice:
+        """The lattice."""
+
+    @property
+    def points(self) -> dict[str, Point]:
+        """Named points."""
+
+    @property
+    def effects(self) -> Sequence[Effect]:
+        """The effects, in the order in which their forces are summed."""
+
+    @property
+    def material(self) -> Material | None:
+        """Material of the sheet, if mass, stiffness and damping follow from it."""
+
+    @property
+    def inputs(self) -> Sequence[ScheduledCommand]:
+        """Schedule of commands, by time."""
+
+    @property
+    def solver(self) -> Solver:
+        """Settings of the integration."""
+
+    def effect(self, name: str) -> Any:
+        """Return the effect of a name, or None."""
