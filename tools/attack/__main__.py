@@ -10,6 +10,8 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,19 +20,42 @@ sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "SHM")
 os.environ.pop("ROS_AUTOMATIC_DISCOVERY_RANGE", None)
 
-from attack_run import Row, Run  # noqa: E402
+from attack_run import SURVIVES, Row, Run  # noqa: E402
 from attack_table import write_table  # noqa: E402
 from bridge_process import prefer_devices  # noqa: E402
-from events import events  # noqa: E402
+from events import Event, events  # noqa: E402
+from random_answers import random_lines, random_modbus  # noqa: E402
 
+IN_PROCESS = "output stage in process"
+RANDOM_COUNT = 100_000
+RANDOM = (
+    ("100 000 random answers", "modbus", random_modbus),
+    ("100 000 random lines", "serial", random_lines),
+)
 _numbers = itertools.count()
 
 
-def attack(event, folder: Path) -> Row:
+def attack(event: Event, folder: Path) -> Row:
     """Run one event in a ROS domain of its own."""
     number = next(_numbers)
     domain = 10 + (os.getpid() * 13 + number) % 220
     return Run(event, folder / f"{number:03d}", domain).measure()
+
+
+def random_row(what: str, transport: str, run: Callable[[int], int]) -> Row:
+    """Run 100 000 random answers against the output stage in process."""
+    key = _random_key((what, transport, run))
+    try:
+        count = run(RANDOM_COUNT)
+        row = replace(key, seen=f"{count} steps or lines, then zero confirmed")
+    except Exception as error:  # any exception is a stage that has ended
+        row = replace(key, faults=(repr(error),))
+    print(f"{'safe  ' if row.safe else 'UNSAFE'} {transport:7} {IN_PROCESS}: {what} {'; '.join(row.faults)}")
+    return row
+
+
+def _random_key(one: tuple[str, str, Callable[[int], int]]) -> Row:
+    return Row(one[0], one[1], IN_PROCESS, SURVIVES, None, None, "", None, ())
 
 
 def main() -> int:
@@ -67,10 +92,12 @@ def main() -> int:
             f"exit {row.exit_status}, saw {row.seen!r} {'; '.join(row.faults)}",
             flush=True,
         )
+    if arguments.slow and re.search(arguments.only, IN_PROCESS):
+        rows += [random_row(*one) for one in RANDOM]
     unsafe = [row for row in rows if not row.safe]
     print(f"{len(rows)} events in {time.monotonic() - began:.0f} s, {len(unsafe)} unsafe")
     if arguments.write:
-        write_table(arguments.write, rows, events())
+        write_table(arguments.write, rows, [*events(), *map(_random_key, RANDOM)])
     if arguments.keep:
         print(f"files of each run: {folder}")
     else:

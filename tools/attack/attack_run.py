@@ -47,23 +47,24 @@ SMALL_SCENE = {
 }
 
 # Phases: the state in which an event strikes.
-HOLD, RAMP, VENT, SILENCE, IDLE, HELD, START = (
+HOLD, RAMP, VENT, SILENCE, IDLE, HELD, MIRROR, START = (
     "hold",
     "ramp up",
     "vent after disarm",
     "vent after operator silence",
     "before arm",
     "rig holds pressure at the start",
+    "mirror",
     "start",
 )
 # Outcomes that are safe.
-VENTS, GOES_ON, EITHER, STAYS_EMPTY, REFUSED, TOLD = (
+VENTS, GOES_ON, EITHER, STAYS_EMPTY, REFUSED, SURVIVES = (
     "vents",
     "goes on",
     "vents or goes on",
     "stays empty",
     "refused at the start",
-    "cannot be vented: operator told",
+    "ends no thread",
 )
 
 
@@ -79,7 +80,7 @@ class Event:
         outcome: What is safe.
         seen: Pattern of a line that the operator must see; '' for none.
         exits: Exit statuses that are right at the end; None for any but 0.
-        heals: The device stops misbehaving 2 s later, and the time counts from there.
+        heals: The device stops misbehaving 2 s later; without a vent meanwhile, the time counts from there.
         rig: Text of the rig file, or changes of the link's keys.
         parameters: Further parameters of the bridge.
         quick: Belongs to the selection of the test suite.
@@ -148,7 +149,7 @@ class Run:
         self.operator = Operator(domain)
         self.bridges: list[BridgeProcess] = []
         self.reference = time.monotonic()
-        self.notes: list[str] = []
+        self.seen_since = 0.0
         self.faults: list[str] = []
 
     @property
@@ -221,11 +222,7 @@ class Run:
             if not self.faults:
                 event.act(self)
                 if event.heals:
-                    time.sleep(2.0)
-                    self.device.heal()
-                    if self.device.away:
-                        self.device.listen()
-                    self.mark()
+                    self._heal()
             return self._judge()
         except AssertionError as error:
             self.faults.append(str(error))
@@ -250,8 +247,12 @@ class Run:
             self.chambers.preset(WORKING, WORKING)
         if phase == START:
             return
-        self.start(**self.event.parameters)
-        if phase in (IDLE, HELD):
+        if phase == MIRROR:
+            self.device.tracks = True
+            self.start(mode="mirror", record=self.folder / "bags")
+        else:
+            self.start(**self.event.parameters)
+        if phase in (IDLE, HELD, MIRROR):
             ready = self.until(lambda: self._answers() or self.bridge.exit_status is not None, START_TIME)
             self.require(ready and self.bridge.exit_status is None, "the bridge did not start")
             return
@@ -269,6 +270,17 @@ class Run:
             self.until(lambda: max(self.chambers.setpoint()) < 0.95 * WORKING, 2.0)
         else:
             time.sleep(0.2)
+
+    def _heal(self) -> None:
+        """Let the device misbehave for 2 s; where it could not be vented meanwhile, let the time count from its end."""
+        time.sleep(2.0)
+        vented = self.chambers.empty_since(EMPTY, time.monotonic()) is not None
+        self.device.heal()
+        if self.device.away:
+            self.device.listen()
+        if not vented:
+            self.mark()
+            self.seen_since = self.reference - 2.1
 
     def _answers(self) -> bool:
         return any(" s " in line or "live" in line for line in self.bridge.text())
@@ -297,9 +309,7 @@ class Run:
         zero, empty = self.chambers.zero_held_since(), self.chambers.empty_since(EMPTY, watched)
         zero = None if zero is None or zero > watched else max(zero - self.reference, 0.0)
         empty = None if empty is None else max(empty - self.reference, 0.0)
-        if event.outcome == TOLD:
-            self._require_words("cut the supply", self.reference)
-        elif event.outcome == STAYS_EMPTY:
+        if event.outcome == STAYS_EMPTY:
             zero = empty = 0.0
         else:
             for what, value in (("set-point zero", zero), ("chambers empty", empty)):
@@ -352,12 +362,12 @@ class Run:
 
     def _seen(self) -> str:
         """Return the first line about the event: of the terminal, of rosout, else of the diagnostics."""
-        since = self.reference - (2.1 if self.event.heals else 0.0)
+        since = self.seen_since or self.reference
         lines = [line for bridge in self.bridges for line in bridge.text(since)]
         grave = [line for line in lines if re.search(r"\[(WARN|ERROR|FATAL)\]|^bridge: |^output: ", line)]
         heard = [text for moment, text in self.operator.heard if moment >= since]
         rosout = [text for text in heard if text.startswith("rosout")]
-        return _plain((grave or self.notes or rosout or heard or lines or ["nothing"])[0])
+        return _plain((grave or rosout or heard or lines or ["nothing"])[0])
 
     def _row(self, zero: float | None, empty: float | None, seen: str, status: int | None) -> Row:
         event = self.event

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from attack_run import MARGIN, PROMISE, REFUSED, STAYS_EMPTY, Event, Row
+from attack_run import MARGIN, PROMISE, REFUSED, STAYS_EMPTY, SURVIVES, Event, Row
 
 BEGIN, END = "<!-- attacks: begin -->", "<!-- attacks: end -->"
 _LONGEST = 110
@@ -17,8 +17,8 @@ _LONGEST = 110
 Key = tuple[str, str, str]
 
 
-def write_table(page: Path, rows: Iterable[Row], events: Iterable[Event]) -> None:
-    """Replace the measured rows of a page's table; rows of other events stay as they were measured last.
+def write_table(page: Path, rows: Iterable[Row], order: Iterable[Row | Event]) -> None:
+    """Replace the measured rows of a page's table in an order; other rows stay as they were measured last.
 
     Raises:
         ValueError: The page has no markers.
@@ -30,8 +30,8 @@ def write_table(page: Path, rows: Iterable[Row], events: Iterable[Event]) -> Non
         if BEGIN not in text or END not in text:
             raise ValueError(f"{page} has no markers {BEGIN} and {END}")
         known = {_key(row): row for row in _read(store)} | {_key(row): row for row in rows}
-        order = dict.fromkeys(_key(event) for event in events)
-        kept = [known[key] for key in order if key in known]
+        keys = dict.fromkeys(_key(one) for one in order)
+        kept = [known[key] for key in keys if key in known]
         content = [dataclasses.asdict(row) for row in kept]
         store.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
         head, tail = text.split(BEGIN)[0], text.split(END)[1]
@@ -70,6 +70,6 @@ def _line(row: Row) -> str:
 
 
 def _time(row: Row, value: float | None) -> str:
-    if row.expected in (STAYS_EMPTY, REFUSED):
+    if row.expected in (STAYS_EMPTY, REFUSED, SURVIVES):
         return row.expected if row.safe else "-"
     return "never" if value is None else f"{value:.2f} s"

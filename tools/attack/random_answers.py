@@ -29,6 +29,7 @@ from ldcs_ros.rig.output.stage import OutputStage  # noqa: E402
 
 LIMITS = Limits(pressure=120e3)
 _KINDS = ("S", "A", "E", "P", "", "s", "\x00", "S" * 300)
+_BATCH = 4  # lines: a terminal holds 4 kB
 _CONFIRMATION = 20.0  # s
 
 
@@ -57,7 +58,7 @@ def random_modbus(count: int, seed: int = 1) -> int:
 
 
 def random_lines(count: int, seed: int = 1) -> int:
-    """Send a stage random lines, most with a valid checksum; return how many made no sense.
+    """Send a stage random lines, most with a valid checksum; return how many lines came.
 
     Raises:
         AssertionError: Zero was not confirmed by the sound device afterwards, or a set-point left the limits.
@@ -70,14 +71,19 @@ def random_lines(count: int, seed: int = 1) -> int:
             client = SerialClient(SerialSettings(str(device.path)), time.monotonic)
             stage = _stage(client)
             stage.step()
-            for sent in range(0, count, 20):
-                stage.set_target([80e3, 80e3], sent, time.monotonic())
-                device.say(b"".join(_random_line(source) for _ in range(20)))
+            received, asked = 0, 0
+            while received < count:
+                asked += _BATCH
+                assert asked < 3 * count, f"only {received} of {asked} lines came"
+                stage.set_target([80e3, 80e3], asked, time.monotonic())
+                device.say(b"".join(_random_line(source) for _ in range(_BATCH)))
                 stage.step()
+                received += sum(not packet.sent for packet in stage.exchange().packets)
+            assert client.malformed > 0.2 * count, "random lines passed as sound ones"
             device.heal()
             _confirm(stage)
             _check([value for _, *pair in device.chambers.requests for value in pair])
-            return client.malformed
+            return received
         finally:
             device.close()
 
@@ -110,7 +116,7 @@ def _random_word(source: random.Random) -> str:
     makers: tuple[Callable[[], str], ...] = (
         lambda: str(source.randrange(-(2**40), 2**40)),
         lambda: f"{source.uniform(-1e4, 1e4):.3f}",
-        lambda: "9" * source.choice((1, 15, 16, 400, 5000)),
+        lambda: "9" * source.choice((1, 15, 16, 400)),
         lambda: source.choice(("nan", "inf", "-inf", "1e999", "0x10", "1_0", "", "*", "-", "٣")),
     )
     return source.choice(makers)()
@@ -124,5 +130,5 @@ if __name__ == "__main__":
     print(
         f"{arguments.count} random Modbus answers in {random_modbus(arguments.count)} steps: the stage goes on"
     )
-    print(f"{arguments.count} random lines, {random_lines(arguments.count)} malformed: the stage goes on")
+    print(f"{random_lines(arguments.count)} random lines: the stage goes on")
     print(f"{time.monotonic() - began:.0f} s")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import random
 import threading
 import time
 from typing import Any
 
 import rclpy
 from chambers import Chambers
+from geometry_msgs.msg import TransformStamped
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -27,7 +29,7 @@ FAULTS = (
     "other read-back",
     "random bytes",
 )
-COMMAND, SETPOINT = "/rig/pressure_command", "/rig/pressure_setpoint"
+COMMAND, SETPOINT, TRACKER = "/rig/pressure_command", "/rig/pressure_setpoint", "/rig/trakstar_msg"
 _PERIOD = 0.01
 
 
@@ -40,13 +42,15 @@ class TopicRig:
     Attributes:
         chambers: The chambers.
         fault: What it does wrong now; '' for nothing.
+        tracks: A tracker reports both points, with leaps of centimetres.
         away: It is unplugged.
         drift: The reports are older by so many seconds per second from `drift_from`.
     """
 
     def __init__(self, domain: int) -> None:
         self.chambers = Chambers()
-        self.fault, self.away = "", False
+        self.fault, self.away, self.tracks = "", False, False
+        self._random = random.Random(5)
         self.drift, self.drift_from = 0.0, 0.0
         self._domain = domain
         self._ending = threading.Event()
@@ -61,6 +65,8 @@ class TopicRig:
         ]
         array = {"type": "std_msgs/msg/Float64MultiArray", "gives": "pressure_command"}
         receive.append({"topic": SETPOINT, "names": ["left", "right"], **array})
+        transform = {"type": "geometry_msgs/msg/TransformStamped", "gives": "position"}
+        receive.append({"topic": TRACKER, "names": {"s0": "P0", "s1": "P1"}, **transform})
         return {"type": "topics", "receive": receive, "send": {"topic": COMMAND}}
 
     def break_answers(self, fault: str, count: int | None = None) -> None:
@@ -85,6 +91,7 @@ class TopicRig:
         ]
         self._setpoints = self._node.create_publisher(Float64MultiArray, SETPOINT, 10)
         self._intruder = self._node.create_publisher(Float64MultiArray, COMMAND, 10)
+        self._tracker = self._node.create_publisher(TransformStamped, TRACKER, 10)
         self._node.create_subscription(Float64MultiArray, COMMAND, self._take, 10)
         self._node.create_timer(_PERIOD, self._report)
         self._leaving = threading.Event()
@@ -122,6 +129,8 @@ class TopicRig:
             self._intruder.publish(Float64MultiArray(data=[95e3, 95e3]))
         if fault == "silent":
             return
+        if self.tracks:
+            self._track()
         now = time.monotonic()
         age = self.drift * (now - self.drift_from) if self.drift else 0.0
         pressures = list(self.chambers.pressure(now - age))
@@ -148,3 +157,13 @@ class TopicRig:
             for value in self.chambers.setpoint()
         ]
         self._setpoints.publish(Float64MultiArray(data=held[:1] if fault == "wrong sizes" else held))
+
+    def _track(self) -> None:
+        leap = self._random.choice((0.0, 0.0, 0.03))
+        for index, x in enumerate((0.07, 0.14)):
+            message = TransformStamped()
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            message.child_frame_id = f"s{index}"
+            message.transform.translation.x = x
+            message.transform.translation.z = self._random.gauss(0.0, 1e-4) + leap
+            self._tracker.publish(message)
