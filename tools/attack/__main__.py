@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -80,12 +79,16 @@ def main() -> int:
             print(f"{event.transport:7} {event.phase:28} {event.what} -> {event.outcome}")
         return 0
     prefer_devices()
-    folder = Path(tempfile.mkdtemp(prefix="ldcs_attack_"))
+    folder = ROOT / "out" / f"attack-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
+    folder.mkdir(parents=True)
     rows = []
+    order = [*events(), *map(_random_key, RANDOM)]
     began = time.monotonic()
     for event in chosen:
         row = attack(event, folder)
         rows.append(row)
+        if arguments.write:
+            write_table(arguments.write, [row], order)
         verdict = "safe  " if row.safe else "UNSAFE"
         print(
             f"{verdict} {row.transport:7} {row.phase}: {row.what}: zero {row.zero}, empty {row.empty}, "
@@ -97,7 +100,7 @@ def main() -> int:
     unsafe = [row for row in rows if not row.safe]
     print(f"{len(rows)} events in {time.monotonic() - began:.0f} s, {len(unsafe)} unsafe")
     if arguments.write:
-        write_table(arguments.write, rows, [*events(), *map(_random_key, RANDOM)])
+        write_table(arguments.write, rows, order)
     if arguments.keep:
         print(f"files of each run: {folder}")
     else:
