@@ -19,7 +19,7 @@ ALLOWED = {
     "physics": {"errors", "schema"},
     "integrators": {"errors", "schema", "physics"},
     "simulation": CORE - {"simulation", "scene"},
-    "scene": CORE - {"scene"},
+    "scene": (CORE - {"scene"}) | {"sensors"},
     "sensors": {"errors", "schema"},
     "bags": {"errors"},
     "messages": CORE | {"sensors", "bags"},
