@@ -87,14 +87,17 @@ class Bridge:
         self.failure = ""
         self.unvented = ""
         self.measured: dict[str, float] = {}
+        self._samples: list[Sample] = []
         self._setpoints: dict[str, float] = {}
 
     def start(self) -> None:
         """Let time begin, and the links."""
-        self.start_time = self._clock()
-        self.intake.restart(self.start_time)
         for link in self.links:
             link.start()
+        for link in self.links:
+            link.wait_until_ready()
+        self.start_time = self._clock()
+        self.intake.restart(self.start_time)
 
     def stop(self) -> None:
         """Vent in mode live, wait until the rig has confirmed zero, and disconnect; `unvented` says what is left."""
@@ -106,16 +109,25 @@ class Bridge:
             self._record_frames()
             self.bag.close()
 
-    def step(self) -> None:
-        """Do one pass: take what came, judge it, tick the gate, advance the twin, report."""
+    def protect(self) -> None:
+        """Take what came, judge it, and hand on set-points or a vent; this part waits for no simulation."""
         now = self._clock()
-        samples = [sample for sample in map(self.intake.take, self._readings()) if sample is not None]
-        for sample in samples:
+        self._samples += [sample for sample in map(self.intake.take, self._readings()) if sample is not None]
+        for sample in self._samples:
             self._note(sample)
         self._guard(now)
         self._offer()
-        self._follow(now, samples)
+
+    def follow(self) -> None:
+        """Bring the twin to the present, report and record."""
+        samples, self._samples = self._samples, []
+        self._follow(self._clock(), samples)
         self._record_frames()
+
+    def step(self) -> None:
+        """Do one pass: protect, then follow."""
+        self.protect()
+        self.follow()
 
     def command(self, pressure: Sequence[float] | np.ndarray, heard: float | None = None) -> None:
         """Take an operator's command [Pa], heard at a steady time [s]; raises BridgeError when it is refused."""
@@ -163,6 +175,13 @@ class Bridge:
             self.measured[sample.name] = float(sample.value)
         elif sample.kind == "pressure_command":
             self._setpoints[sample.name] = float(sample.value)
+
+    @property
+    def held_before_arming(self) -> str:
+        """Arms that hold pressure or work to a set-point before the first arming, in words; '' for none."""
+        if self.gate.state is not GateState.DISARMED:
+            return ""
+        return ", ".join(filter(None, (link.status.holding for link in self.links if link.commands)))
 
     def _guard(self, now: float) -> None:
         """Vent when something is wrong that commands cannot mend."""

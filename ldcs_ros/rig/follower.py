@@ -18,6 +18,7 @@ _SMALLEST_CHANGE = (
 LONGEST_ADVANCE = 0.1
 """Simulated time of one call of `advance` [s]."""
 _SHORTEST_PERIOD = 0.02  # s
+_WARM_UP_PRESSURE, _WARM_UP_TIME = 1e4, 0.05  # Pa, s
 _HISTORY = 400
 
 
@@ -39,6 +40,7 @@ class Follower:
             )
         self.twin = twin
         self.squared_residual: dict[str, float] = {}
+        _compile_kernels(twin.scene)
         # A rig is at rest before anybody commands it; so is its twin.
         twin.receive("pressure_command", pressure_command(np.zeros(len(ARM_NAMES))))
         twin.settle()
@@ -100,3 +102,10 @@ class Follower:
                 return np.array((1.0 - share) * places[point] + share * after[1][point])
             after = (then, places)
         return None
+
+
+def _compile_kernels(scene: Scene) -> None:
+    """Move a copy of the twin once, so that no kernel is compiled while a gate waits for its next tick."""
+    simulation = scene.build()
+    simulation.inputs.set_pressure(_WARM_UP_PRESSURE)
+    simulation.advance_to(_WARM_UP_TIME)

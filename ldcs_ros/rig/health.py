@@ -41,7 +41,7 @@ class Health:
         level, words = OK, f"{gate.mode.value}: commands nothing"
         if gate.state is GateState.DISARMED:
             level, words = OK, "live, not armed: call arm"
-            holding = self._holding()
+            holding = self._bridge.held_before_arming
             if holding:
                 level, words = ERROR, f"{holding} before the first arming: call disarm, which vents"
         elif gate.state is GateState.ARMED:
@@ -61,10 +61,6 @@ class Health:
         values["last refusal"] = gate.last_refusal or "none"
         values["clipped by the output stage"] = sum(link.status.clipped for link in self._bridge.links)
         return Status("gate", level, words, values)
-
-    def _holding(self) -> str:
-        """Return the arms that hold pressure or work to a set-point, as a link that commands says, in words."""
-        return ", ".join(filter(None, (link.status.holding for link in self._bridge.links if link.commands)))
 
     def _still_full(self) -> str:
         bridge = self._bridge

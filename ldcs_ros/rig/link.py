@@ -73,6 +73,9 @@ class Link:
         """Begin; with a reason to vent, the first act is a vent."""
         self.connected, self.error = True, ""
 
+    def wait_until_ready(self) -> None:
+        """Wait until set-points can go this way."""
+
     def send(self, pressure: Pressures, epoch: int) -> None:
         """Hand on set-points of an armed gate: gauge [Pa], one for each arm, and the epoch of their arming."""
 

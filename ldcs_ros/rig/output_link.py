@@ -131,6 +131,12 @@ class OutputLink(Link):
         self._thread = threading.Thread(target=self._watch, name=f"link {self.name}", daemon=True)
         self._thread.start()
 
+    def wait_until_ready(self) -> None:
+        """Wait until the output process has exchanged once with its device, or could not; bounded."""
+        end = time.monotonic() + _LONGEST_START
+        while not self.status.ready and time.monotonic() < end:
+            time.sleep(0.01)
+
     def send(self, pressure: Pressures, epoch: int) -> None:
         """Hand set-points of an armed gate to the output process: gauge [Pa], one for each arm, and their epoch."""
         self._epoch = max(self._epoch, epoch)

@@ -20,6 +20,7 @@ class OutputStatus:
     """A report of an output stage.
 
     Attributes:
+        ready: Whether the process has begun to exchange.
         state: An OutputState's value.
         reason: Cause of the vent; '' for none.
         epoch: Arming whose set-points are followed, or were followed last.
@@ -35,6 +36,7 @@ class OutputStatus:
         holding: Arms that hold pressure or work to a set-point, in words; '' for none.
     """
 
+    ready: bool = False
     state: str = OutputState.IDLE.value
     reason: str = ""
     epoch: int = 0
@@ -171,6 +173,7 @@ class OutputStage:
         readings, packets, round_trips, _ = self._taken
         limiter, monitor, device = self.limiter, self.monitor, self.device
         status = OutputStatus(
+            ready=True,
             state=limiter.state.value,
             reason=limiter.reason,
             epoch=limiter.epoch,

@@ -206,8 +206,9 @@ class RigBridge(Node):
         while not self._stopping.is_set():
             with self._lock:
                 self._forward()
-                self._bridge.step()
+                self._bridge.protect()
                 self._announce()
+                self._bridge.follow()
                 for task in periodic_tasks:
                     task.run_if_due()
             if 0.0 < duration <= self._bridge.twin.time:
@@ -230,6 +231,7 @@ class RigBridge(Node):
     def _announce(self) -> None:
         """Log each trip, and each kind of refusal at most once in a while."""
         gate = self._bridge.gate
+        self._log.holding(self._bridge.held_before_arming)
         self._log.trip(gate.reason, gate.trips)
         self._log.refusals(gate.refused, gate.last_refusal)
 

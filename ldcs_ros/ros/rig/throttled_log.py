@@ -31,6 +31,7 @@ class ThrottledLog:
     def __init__(self, logger: Logger, clock: Callable[[], float]) -> None:
         self._logger, self._clock = logger, clock
         self._trips = 0
+        self._holding = ""
         self._logged: Counter[str] = Counter()
         self._logged_at: dict[str, float] = {}
 
@@ -39,6 +40,12 @@ class ThrottledLog:
         if count > self._trips:
             self._trips = count
             self._logger.error(f"vented: {reason}; call arm after the repair")
+
+    def holding(self, words: str) -> None:
+        """Log once that arms hold pressure before the first arming: which and how much, in words; '' for none."""
+        if words and not self._holding:
+            self._logger.error(f"{words} before the first arming: call disarm, which vents")
+        self._holding = words
 
     def refusals(self, refused: Counter[str], last: str) -> None:
         """Log what was refused since the last line: counts by kind, and the latest refusal in words."""
