@@ -10,6 +10,7 @@ import numpy as np
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.rig.reading import ARM_NAMES
+from ldcs_ros.scene import Scene
 from ldcs_ros.twin.twin import Twin
 
 _SMALLEST_CHANGE = (
