@@ -1,0 +1,191 @@
+"""The magnitude of every effect, against its formula written out again with the numbers of one case."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ldcs_ros import load_scene
+from ldcs_ros.errors import CommandError
+from ldcs_ros.physics.effects import effect_class
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldInputs, Valve, Wrench
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.model import Model
+from ldcs_ros.physics.points import point_at
+
+# 2 x 3 cells of 50 mm x 40 mm, 10 mm thick, 240 g on 24 nodes: 10 g a node.
+LATTICE = Lattice((0.10, 0.12, 0.01), (3, 4), 0.24)
+SHEET = {"size": [0.1, 0.12, 0.01], "nodes": [3, 4], "mass": 0.24}
+
+
+def model_of(*effects):
+    points = {"P1": point_at(LATTICE, ["top", 2, 1])}
+    return Model(LATTICE, points, [effect_class(name)(**values) for name, values in effects])
+
+
+def force_of(model, q=None, u=None, inputs=NO_INPUTS):
+    q0, u0 = model.rest()
+    return model.force(0.0, q0 if q is None else q, u0 if u is None else u, inputs)
+
+
+def on_node(model, force, node):
+    return force[3 * node : 3 * node + 3]
+
+
+@pytest.mark.parametrize(
+    ("place", "area"),
+    [(("top", 0, 0), 0.025 * 0.020), (("top", 0, 1), 0.025 * 0.040), (("bottom", 1, 2), 0.050 * 0.040)],
+)
+def test_drag_is_half_density_times_coefficient_area_and_speed_squared(place, area):
+    model = model_of(("drag", {"density": 1000.0, "coefficient": 1.2}))
+    node = LATTICE.node(*place)
+    q, u = model.rest()
+    u[3 * node : 3 * node + 3] = [0.0, 3.0, -4.0]
+    expected = 0.5 * 1000.0 * 1.2 * (area / 2.0) * 25.0  # each layer carries half of the sheet's drag
+    force = on_node(model, force_of(model, q, u), node)
+    np.testing.assert_allclose(force, [0.0, -0.6 * expected, 0.8 * expected], rtol=1e-12)
+
+
+def test_drag_of_a_sheet_that_moves_flat_is_that_of_one_plate():
+    model = model_of(("drag", {"density": 1.2, "coefficient": 1.1}))
+    q, u = model.rest()
+    u[2::3] = 2.0
+    assert force_of(model, q, u)[2::3].sum() == pytest.approx(-0.5 * 1.2 * 1.1 * (0.10 * 0.12) * 4.0)
+
+
+def test_weight_is_mass_times_acceleration_with_the_payload():
+    model = model_of(
+        ("gravity", {"acceleration": (0.0, 1.0, -9.81)}), ("payload", {"at": "P1", "mass": 0.04})
+    )
+    force = force_of(model)
+    bare, loaded = LATTICE.node("bottom", 0, 0), LATTICE.node("top", 2, 1)
+    np.testing.assert_allclose(on_node(model, force, bare), [0.0, 0.010, -0.0981], rtol=1e-12)
+    np.testing.assert_allclose(on_node(model, force, loaded), [0.0, 0.050, -0.4905], rtol=1e-12)
+    assert force[2::3].sum() == pytest.approx(-0.28 * 9.81)
+
+
+def test_a_point_force_acts_with_its_value():
+    model = model_of(("force", {"at": ["mid", 1, 2], "value": (0.1, -0.2, 0.3)}))
+    force = force_of(model).reshape(-1, 3)
+    np.testing.assert_allclose(force.sum(axis=0), [0.1, -0.2, 0.3])
+    np.testing.assert_allclose(force[LATTICE.node("top", 1, 2)], [0.05, -0.1, 0.15])
+
+
+@pytest.mark.parametrize("law", ["axial", "axiswise", "corotational"])
+def test_the_corner_of_a_blown_up_sheet_is_pulled_by_seven_springs(law):
+    # All lengths grow by the factor 1 + s and nothing turns, so each law gives k s times the spring's vector; of
+    # the seven other corners of the cell four lie further along each axis.
+    k, s = 70.0, 1e-3
+    model = model_of(("springs", {"law": law, "stiffness": k, "damping": 0.0}))
+    q, u = model.rest()
+    force = on_node(model, force_of(model, (1.0 + s) * q, u), LATTICE.node("bottom", 0, 0))
+    np.testing.assert_allclose(force, 4.0 * k * s * np.array([0.05, 0.04, 0.01]), rtol=1e-6)
+
+
+def test_a_damper_pulls_with_its_coefficient_times_the_rate_of_length():
+    model = model_of(("springs", {"law": "axial", "stiffness": 0.0, "damping": 5.0}))
+    q, u = model.rest()
+    u[3 * LATTICE.node("top", 0, 0) + 2] = 0.3
+    force = on_node(model, force_of(model, q, u), LATTICE.node("bottom", 0, 0))
+    assert force[2] == pytest.approx(
+        5.0 * 0.3
+    )  # of the springs at this corner only the upright one grows at once
+
+
+def test_contact_pushes_with_its_stiffness_and_a_closing_speed_adds_its_part():
+    k, w, beta = 1000.0, 1e-4, 10.0
+    floor = {"height": -0.005 + 3e-4, "stiffness": k, "damping": beta, "onset": w}
+    model = model_of(("floor", floor))
+    q, u = model.rest()
+    node = LATTICE.node("bottom", 1, 1)
+    still = k * (3e-4 - w / 2.0)
+    assert on_node(model, force_of(model), node)[2] == pytest.approx(still)
+    u[3 * node + 2] = -0.02
+    assert on_node(model, force_of(model, q, u), node)[2] == pytest.approx(still * (1.0 + beta * 0.02))
+    q[3 * node + 2] += 3e-4 - w / 2.0  # half of the onset's width is left: k d^2 / 2 w
+    assert on_node(model, force_of(model, q), node)[2] == pytest.approx(k * (w / 2.0) ** 2 / (2.0 * w))
+
+
+def test_a_torque_on_every_joint_is_a_torque_on_the_last_link_only():
+    # Virtual work of absolute angles: Q_k = T_k - T_{k+1}.
+    model = model_of(("arms", {"links": 3}))
+    torque = np.array([[0.3, 0.2, 0.07], [0.1, 0.1, 0.1]])
+    difference = force_of(model, inputs=HeldInputs(torque=torque)) - force_of(
+        model, inputs=HeldInputs(torque=0.0 * torque)
+    )
+    np.testing.assert_allclose(
+        difference[3 * LATTICE.n_nodes :], [0.1, 0.13, 0.07, 0.0, 0.0, 0.1], atol=1e-12
+    )
+
+
+def test_pressure_drives_each_joint_with_its_gain():
+    model = model_of(("arms", {"links": 2, "drive": "pressure", "pressure_gain": 2e-6}))
+    valves = tuple(Valve(0.0, pressure, pressure, 0.1, 0.1) for pressure in (100e3, 50e3))
+    empty = tuple(Valve(0.0, 0.0, 0.0, 0.1, 0.1) for _ in range(2))
+    difference = force_of(model, inputs=HeldInputs(valves=valves)) - force_of(
+        model, inputs=HeldInputs(valves=empty)
+    )
+    np.testing.assert_allclose(difference[3 * LATTICE.n_nodes :], [0.0, 0.2, 0.0, 0.1], atol=1e-12)
+
+
+@pytest.mark.parametrize(("key", "moving"), [("joint_stiffness", False), ("joint_damping", True)])
+def test_a_joint_resists_its_own_angle_and_the_base_joint_as_half_a_link(key, moving):
+    value, angles = 0.4, np.array([0.1, 0.3, 0.2])
+    base = {"links": 3, "joint_stiffness": 0.0, "joint_damping": 0.0, "base_joint_share": 0.5}
+    forces = []
+    for number in (0.0, value):
+        model = model_of(("arms", {**base, key: number}))
+        q, u = model.rest()
+        (u if moving else q)[3 * LATTICE.n_nodes :] = np.tile(angles, 2)
+        forces.append(force_of(model, q, u, HeldInputs(torque=np.zeros((2, 3))))[3 * LATTICE.n_nodes :])
+    bends = np.diff(angles, prepend=0.0)
+    moments = -np.array([value / 0.5, value, value]) * bends
+    expected = moments - np.append(moments[1:], 0.0)
+    np.testing.assert_allclose(forces[1] - forces[0], np.tile(expected, 2), atol=1e-10)
+
+
+def test_a_chamber_fills_and_vents_by_its_own_exponential():
+    assert Valve(1.0, 20e3, 100e3, 0.15, 0.1).at(1.3) == pytest.approx(100e3 - 80e3 * math.exp(-2.0))
+    assert Valve(1.0, 100e3, 20e3, 0.15, 0.1).at(1.3) == pytest.approx(20e3 + 80e3 * math.exp(-3.0))
+
+
+def test_a_wrench_gives_its_force_and_its_moment():
+    model = model_of(("wrench", {}))
+    wrench = Wrench(force=(0.1, 0.2, 0.3), torque=(0.01, -0.02, 0.03))
+    force = force_of(model, inputs=HeldInputs(wrenches={"node_top_1_1_aligned": wrench})).reshape(-1, 3)
+    origin = LATTICE.rest_position[LATTICE.node("top", 1, 1)]
+    np.testing.assert_allclose(force.sum(axis=0), wrench.force, atol=1e-12)
+    moment = np.cross(LATTICE.rest_position - origin, force).sum(axis=0)
+    np.testing.assert_allclose(moment, wrench.torque, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "command", "limit"),
+    [
+        ({"type": "arms", "torque_limit": 0.2}, lambda inputs, value: inputs.set_torque(value), 0.2),
+        ({"type": "arms", "torque_limit": 0.2}, lambda inputs, value: inputs.set_torque(-value), 0.2),
+        (
+            {"type": "arms", "drive": "pressure", "pressure_limit": 150e3},
+            lambda inputs, value: inputs.set_pressure(value),
+            150e3,
+        ),
+        (
+            {"type": "wrench", "force_limit": 3.0},
+            lambda inputs, value: inputs.set_wrench("node_top_1_1", force=(0.0, 0.0, value)),
+            3.0,
+        ),
+        (
+            {"type": "wrench", "torque_limit": 0.5},
+            lambda inputs, value: inputs.set_wrench("node_top_1_1", torque=(0.0, value, 0.0)),
+            0.5,
+        ),
+    ],
+)
+def test_a_command_is_accepted_up_to_its_limit_and_refused_above(effect, command, limit):
+    scene = load_scene({"lattice": SHEET, "effects": [{"type": "springs"}, {"type": "clamp"}, effect]})
+    simulation = scene.build()
+    command(simulation.inputs, 0.999 * limit)
+    with pytest.raises(CommandError):
+        command(simulation.inputs, 1.001 * limit)
