@@ -5,8 +5,10 @@ Each node's module is imported late: rclpy takes a second to load, and a signal 
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
+from typing import NoReturn
 
 from ldcs_ros.ros.common.node_process import run
 from ldcs_ros.ros.live_view import main as live_view
@@ -23,15 +25,19 @@ def sim(arguments: list[str] | None = None) -> int:
     return run("sim", load, arguments)
 
 
-def bridge(arguments: list[str] | None = None) -> int:
-    """Run the bridge to a rig until Ctrl-C or SIGTERM; return the exit status."""
+def bridge(arguments: list[str] | None = None) -> NoReturn:
+    """Run the bridge to a rig until Ctrl-C or SIGTERM; end the process with the exit status."""
 
     def load() -> Callable[[], object]:
         from ldcs_ros.ros.rig.rig_bridge import RigBridge
 
         return RigBridge
 
-    return run("bridge", load, arguments)
+    status = run("bridge", load, arguments)
+    # The end of the interpreter waits for a thread in the middle of a long computation; bags and links are closed.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def mock_rig(arguments: list[str] | None = None) -> int:
