@@ -28,7 +28,8 @@ ldcs study
   ldcs study --full -o out/full
   ldcs study --full --jobs 8 -o out/full
   ldcs study --full --scheduler tcp://cluster:8786 -o out/full
-  ldcs study --hard --only floor"""
+  ldcs study --hard --only floor
+  ldcs study --accuracy --scenes 200 --first-seed 1000"""
 
 EXIT_NOT_KEPT = 1
 MOST_JOBS = 256
@@ -61,8 +62,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const="hard",
         help="the hard cases instead: a quarter of an hour",
     )
+    preset.add_argument(
+        "--accuracy",
+        dest="preset",
+        action="store_const",
+        const="accuracy",
+        help="real errors against asked and estimated ones, on random and violent scenes with an independent reference",
+    )
     parser.set_defaults(preset="quick")
-    parser.add_argument("--only", metavar="WORD", default="", help="with --hard: cases with it in their name")
+    parser.add_argument(
+        "--only", metavar="WORD", default="", help="with --hard and --accuracy: cases with it in their name"
+    )
+    parser.add_argument(
+        "--scenes", metavar="N", type=int, default=60, help="with --accuracy: random scenes; 60 if not given"
+    )
+    parser.add_argument(
+        "--first-seed",
+        metavar="N",
+        type=int,
+        default=0,
+        help="with --accuracy: seed of the first random scene; another one draws fresh scenes",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -90,6 +110,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Measure, write the files, print targets or the recommendation; status 0, or 1 if the promised accuracy (with
     --targets: any target) is not kept."""
+    from ldcs_ros.cli.accuracy import run_accuracy
     from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.diagram import draw
     from ldcs_ros.study.execute import carry_out, of_other_tasks
@@ -103,6 +124,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.preset == "hard":
         return run_hard_cases(arguments)
+    if arguments.preset == "accuracy":
+        return run_accuracy(arguments)
     folder, here = arguments.output, machine()
     path = folder / "study.csv"
     command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")

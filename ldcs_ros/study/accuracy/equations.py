@@ -1,0 +1,232 @@
+"""Independent equations of motion in plain NumPy: the numbers of a scene are shared with the product, no code is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ldcs_ros.study.accuracy.chain import Chains
+from ldcs_ros.study.accuracy.places import Place, frame_of, place_of
+
+if TYPE_CHECKING:
+    from ldcs_ros.scene.scene import Scene
+
+
+class Equations:
+    """A scene's accelerations q'' = M^-1 f for flat coordinates: nodes (layer, i, j, axis), then link angles.
+
+    Attributes:
+        free: Indices of the coordinates that no effect prescribes.
+        held: The drive torque of each joint [N m], shape (2, n_links), or None.
+        pressure: A function of time that returns the gauge pressure of each arm [Pa], or None.
+        wrenches: Wrenches by frame: (force [N], torque [N m]).
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        lattice = scene.lattice
+        self.size, self.shape = lattice.size, tuple(lattice.nodes)
+        nx, ny = self.shape
+        self.grid = np.array(list(product(range(2), range(nx), range(ny))))
+        self.n = len(self.grid)
+        unit = np.array([self.size[0] / (nx - 1), self.size[1] / (ny - 1), self.size[2]])
+        self.rest = self.grid[:, [1, 2, 0]] * unit - np.array([0.0, 0.5 * self.size[1], 0.5 * self.size[2]])
+        pairs = [
+            (a, b)
+            for a in range(self.n)
+            for b in range(a + 1, self.n)
+            if np.abs(self.grid[a] - self.grid[b]).max() == 1
+        ]
+        self.a, self.b = np.array(pairs).T
+        self.vector = self.rest[self.b] - self.rest[self.a]
+        self.length = np.linalg.norm(self.vector, axis=1)
+        effects: list[Any] = list(scene.effects)
+        self.effects: dict[str, Any] = {effect.name: effect for effect in effects}
+        self.points = {
+            name: Place(point.layers, point.columns, point.rows) for name, point in scene.points.items()
+        }
+        self.mass = np.full(self.n, lattice.mass / self.n)
+        self.constant = np.zeros((self.n, 3))
+        self.gravity = np.zeros(3)
+        fixed = np.zeros((self.n, 3), dtype=bool)
+        for effect in effects:
+            if effect.name == "payload":
+                nodes = self._nodes(effect.at)
+                self.mass[nodes] += effect.mass / len(nodes)
+            elif effect.name == "force":
+                nodes = self._nodes(effect.at)
+                self.constant[nodes] += np.array(effect.value) / len(nodes)
+            elif effect.name == "gravity":
+                self.gravity = np.array(effect.acceleration)
+            elif effect.name == "clamp":
+                fixed[self._edge(effect.edge)] = True
+        self.constant += self.mass[:, None] * self.gravity
+        self.driven = np.zeros(self.n, dtype=bool)
+        if "driven_edges" in self.effects:
+            for edge in self.effects["driven_edges"].edges:
+                self.driven |= self._edge(edge)
+            fixed[self.driven] = True
+        area = np.outer(*(np.where((np.arange(m) % (m - 1)) == 0, 0.5, 1.0) for m in self.shape)).ravel()
+        self.area = np.tile(area, 2) * unit[0] * unit[1]
+        self.chains = Chains(self.effects["arms"], self) if "arms" in self.effects else None
+        moving = [~fixed.ravel()]
+        if self.chains is not None:
+            moving.append(np.full(2 * self.chains.n, self.effects["arms"].drive != "curvature"))
+        self.free = np.flatnonzero(np.concatenate(moving))
+        self.n_coordinates = sum(len(part) for part in moving)
+        self.held: np.ndarray | None = None
+        self.pressure: Callable[[float], np.ndarray] | None = None
+        self.wrenches: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        springs = self.effects.get("springs")
+        if springs is not None and springs.law == "corotational":
+            # A star a node: its springs, padded with weight zero to the most that a node has.
+            stars = [np.flatnonzero((self.a == i) | (self.b == i)) for i in range(self.n)]
+            most = max(len(star) for star in stars)
+            self.member = np.zeros((self.n, most), dtype=int)
+            self.weight = np.zeros((self.n, most))
+            for i, star in enumerate(stars):
+                self.member[i, : len(star)] = np.where(self.a[star] == i, self.b[star], self.a[star])
+                self.weight[i, : len(star)] = 1.0
+
+    def _nodes(self, at: Any) -> np.ndarray:
+        return place_of(at, self.shape, self.points).nodes(self.grid)
+
+    def _edge(self, name: str) -> np.ndarray:
+        axis = 1 if name.startswith("x") else 2
+        last = self.shape[axis - 1] - 1
+        edge: np.ndarray = self.grid[:, axis] == (0 if name.endswith("min") else last)
+        return edge
+
+    def begin(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the flat coordinates and rates of the flat sheet at rest."""
+        q, u = np.zeros(self.n_coordinates), np.zeros(self.n_coordinates)
+        q[: 3 * self.n] = self.rest.ravel()
+        self.prescribe(0.0, q, u)
+        return q, u
+
+    def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
+        """Write driven coordinates and rates at a time [s]; clamped ones keep their place."""
+        if self.driven.any():
+            effect = self.effects["driven_edges"]
+            rise = min(max(time / effect.rise_time, 0.0), 1.0)
+            kappa = effect.curvature * (3.0 - 2.0 * rise) * rise**2
+            rate = effect.curvature * 6.0 * rise * (1.0 - rise) / effect.rise_time
+            x, y, z = self.rest[self.driven].T
+            # (x, z) of an arc is the integral of (cos, sin)(kappa s): Gauss's rule with 30 points is exact to rounding.
+            place, speed = arc(x, kappa)
+            normal = np.stack([-np.sin(kappa * x), np.cos(kappa * x)], axis=1)
+            turn = np.stack([-np.cos(kappa * x), -np.sin(kappa * x)], axis=1) * x[:, None]
+            place, speed = place + z[:, None] * normal, rate * (speed + z[:, None] * turn)
+            q[: 3 * self.n].reshape(-1, 3)[self.driven] = np.stack([place[:, 0], y, place[:, 1]], axis=1)
+            u[: 3 * self.n].reshape(-1, 3)[self.driven] = np.stack([speed[:, 0], 0 * y, speed[:, 1]], axis=1)
+        if self.chains is not None and self.effects["arms"].drive == "curvature":
+            self.chains.prescribe(time, q[3 * self.n :], u[3 * self.n :])
+
+    def accelerations(self, time: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the accelerations of all coordinates, shape (n_coordinates,); the prescribed ones mean nothing."""
+        x, v = q[: 3 * self.n].reshape(-1, 3), u[: 3 * self.n].reshape(-1, 3)
+        force = self.constant + self._springs(x, v)
+        if "drag" in self.effects:
+            drag = self.effects["drag"]
+            speed = np.linalg.norm(v, axis=1, keepdims=True)
+            force -= 0.25 * drag.density * drag.coefficient * self.area[:, None] * speed * v
+        for name in ("floor", "support"):
+            if name in self.effects:
+                self._contact(name, x, v, force)
+        for frame, (push, moment) in self.wrenches.items():
+            self._wrench(frame, push, moment, x, force)
+        result = np.empty_like(q)
+        if self.chains is not None:
+            torque = None
+            if self.effects["arms"].drive == "torque":
+                torque = self.held
+            elif self.pressure is not None:
+                torque = self.effects["arms"].pressure_gain * np.outer(
+                    self.pressure(time), np.ones(self.chains.n)
+                )
+            result[3 * self.n :] = self.chains.accelerations(
+                x, v, q[3 * self.n :], u[3 * self.n :], torque, force
+            )
+        result[: 3 * self.n] = (force / self.mass[:, None]).ravel()
+        return result
+
+    def _springs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        force = np.zeros_like(x)
+        effect = self.effects.get("springs")
+        if effect is None:
+            return force
+        k, c = effect.stiffness, effect.damping
+        if effect.law == "corotational":
+            return self._corotational(x, v, k, c)
+        r, w = x[self.b] - x[self.a], v[self.b] - v[self.a]
+        if effect.law == "axiswise":
+            pull = k * (r - self.vector) + c * w
+        else:
+            length = np.linalg.norm(r, axis=1)
+            axis = r / length[:, None]
+            pull = (k * (length - self.length) + c * (axis * w).sum(axis=1))[:, None] * axis
+        np.add.at(force, self.a, pull)
+        np.subtract.at(force, self.b, pull)
+        return force
+
+    def _corotational(self, x: np.ndarray, v: np.ndarray, k: float, c: float) -> np.ndarray:
+        # Kabsch's best rotation of each star by singular values; least-dissipation spin by normal equations.
+        on = self.weight[:, :, None]
+        d = (self.rest[self.member] - self.rest[:, None]) * on
+        r, w = (x[self.member] - x[:, None]) * on, (v[self.member] - v[:, None]) * on
+        left, _, right = np.linalg.svd(np.einsum("nsi,nsj->nij", r, d))
+        left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
+        rotated = np.einsum("nij,njk,nsk->nsi", left, right, d)
+        square = (r**2).sum(axis=(1, 2))
+        inertia = square[:, None, None] * np.eye(3) - np.einsum("nsi,nsj->nij", r, r)
+        spin = np.linalg.solve(inertia, np.cross(r, w).sum(axis=1)[:, :, None])[:, :, 0]
+        pull = 0.5 * (k * (r - rotated) + c * (w - np.cross(spin[:, None], r)))
+        force = pull.sum(axis=1)
+        np.subtract.at(force, self.member[self.weight > 0.0], pull[self.weight > 0.0])
+        return np.asarray(force)
+
+    def _contact(self, name: str, x: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
+        effect = self.effects[name]
+        if name == "floor":
+            touched, height = np.ones(self.n, dtype=bool), effect.height
+        else:
+            nx, ny = self.shape
+            layer, i, j = self.grid.T
+            touched = (layer == 0) & (i <= effect.length * (nx - 1) * (1 + 1e-9) + 1e-9)
+            touched &= np.minimum(j, ny - 1 - j) <= effect.width
+            height = -0.5 * self.size[2]
+        depth = np.maximum(height - x[:, 2], 0.0)
+        w = effect.onset
+        push = effect.stiffness * np.where(depth < w, depth**2 / (2 * w), depth - 0.5 * w)
+        force[:, 2] += touched * push * np.maximum(1.0 - effect.damping * v[:, 2], 0.0)
+
+    def _wrench(
+        self, frame: str, push: np.ndarray, moment: np.ndarray, x: np.ndarray, force: np.ndarray
+    ) -> None:
+        place = place_of(frame.removesuffix("_aligned"), self.shape, self.points)
+        axes = np.eye(3) if frame.endswith("_aligned") else frame_of(place, self.shape, self.grid, x)
+        nodes = place.nodes(self.grid)
+        force[nodes] += axes @ push / len(nodes)
+        if np.any(moment):
+            patch = place.patch(self.grid)
+            arm = x[patch] - x[patch].mean(axis=0)
+            tensor = sum(np.dot(r, r) * np.eye(3) - np.outer(r, r) for r in arm)
+            force[patch] += np.cross(np.linalg.solve(tensor, axes @ moment), arm)
+
+
+def arc(s: np.ndarray, kappa: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (x, z) of an arc at lengths s [m], shape (n, 2), and their derivatives by the curvature."""
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    t = 0.5 * (nodes + 1.0) * s[:, None]
+    scale = 0.5 * s[:, None] * weights
+    place = [(scale * np.cos(kappa * t)).sum(axis=1), (scale * np.sin(kappa * t)).sum(axis=1)]
+    slope = [(-scale * t * np.sin(kappa * t)).sum(axis=1), (scale * t * np.cos(kappa * t)).sum(axis=1)]
+    return np.stack(place, axis=1), np.stack(slope, axis=1)
+
+
+def chamber(time: float, start: float, pressure: float, target: float, tau: float) -> float:
+    """Return the pressure [Pa] of a chamber that tends to a target with a time constant [s]."""
+    return target if tau == 0.0 else target + (pressure - target) * math.exp(-(time - start) / tau)

@@ -1,0 +1,183 @@
+"""The independent reference: SciPy's Radau or DOP853 from event to event on independent equations; kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time as wall_clock
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.integrate import DOP853, Radau
+
+from ldcs_ros.scene.load import load_scene
+from ldcs_ros.study.accuracy.equations import Equations, chamber
+from ldcs_ros.study.accuracy.random_scenes import Case
+
+if TYPE_CHECKING:
+    from ldcs_ros.scene.scene import Scene
+
+Slope = Callable[[float, np.ndarray], np.ndarray]
+
+RELATIVE, ABSOLUTE = 1e-9, 1e-11
+CACHE = Path("out/references")
+FORMAT = 1
+
+
+class TooSlow(Exception):
+    """A reference that takes longer than its time."""
+
+
+def start_velocity(case: Case, rest: np.ndarray) -> np.ndarray | None:
+    """Return the node velocities at a case's start [m/s], shape (n_nodes, 3), or None for a sheet at rest."""
+    if not np.any(case.spin) and not np.any(case.drift):
+        return None
+    centre = rest.mean(axis=0)
+    return np.asarray(np.array(case.drift) + np.cross(np.array(case.spin), rest - centre))
+
+
+def reference(case: Case, *, cache: Path = CACHE, seconds: float = 60.0) -> np.ndarray:
+    """Return the positions of all nodes at the looks of a case [m], shape (looks, n_nodes, 3).
+
+    Raises:
+        TooSlow: The reference takes longer than `seconds` of computing.
+    """
+    key = json.dumps(
+        [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks],
+        sort_keys=True,
+        default=float,
+    )
+    path = cache / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    if path.exists():
+        with np.load(path) as stored:
+            if "positions" in stored:
+                return np.asarray(stored["positions"])
+            if float(stored["too_slow"]) >= seconds:
+                raise TooSlow(case.name)
+    cache.mkdir(parents=True, exist_ok=True)
+    try:
+        positions = _solve(case, seconds)
+    except TooSlow:
+        np.savez(path, too_slow=seconds)
+        raise
+    np.savez_compressed(path, positions=positions)
+    return positions
+
+
+def looks_of(case: Case) -> np.ndarray:
+    """Return the times at which a case is looked at [s]."""
+    return np.linspace(0.0, case.duration, case.looks + 1)[1:]
+
+
+def _solve(case: Case, seconds: float) -> np.ndarray:
+    scene = load_scene(case.content)
+    equations = Equations(scene)
+    free, n = equations.free, len(equations.free)
+    q, u = equations.begin()
+    velocity = start_velocity(case, equations.rest)
+    if velocity is not None:
+        fixed = np.setdiff1d(np.arange(equations.n_coordinates), free)
+        kept = u[fixed].copy()
+        u[: 3 * equations.n] = velocity.ravel()
+        u[fixed] = kept
+    events = _events(scene, equations, case.duration)
+    looks = looks_of(case)
+    positions = np.empty((len(looks), equations.n, 3))
+    y = np.concatenate([q[free], u[free]])
+    deadline = wall_clock.process_time() + seconds
+
+    def place(t: float, y: np.ndarray) -> None:
+        equations.prescribe(t, q, u)
+        q[free], u[free] = y[:n], y[n:]
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        place(t, y)
+        return np.concatenate([y[n:], equations.accelerations(t, q, u)[free]])
+
+    for index, (begin, act) in enumerate(events):
+        act()
+        end = events[index + 1][0] if index + 1 < len(events) else case.duration
+        if end <= begin:
+            continue
+        method = Radau if _is_stiff(slope, begin, y, n) else DOP853
+        atol = np.concatenate([np.full(n, ABSOLUTE), np.full(n, 1e2 * ABSOLUTE)])
+        first = min(1e-6, 0.1 * (end - begin))
+        solver = method(slope, begin, y, end, rtol=RELATIVE, atol=atol, first_step=first)
+        while solver.status == "running":
+            if wall_clock.process_time() > deadline:
+                raise TooSlow(case.name)
+            message = solver.step()
+            if solver.status == "failed":
+                raise ArithmeticError(f"the reference of {case.name} failed: {message}")
+            curve = None
+            for k in np.flatnonzero((looks > solver.t_old + 1e-12) & (looks <= solver.t + 1e-12)):
+                curve = curve or solver.dense_output()
+                place(looks[k], curve(min(looks[k], solver.t)))
+                positions[k] = q[: 3 * equations.n].reshape(-1, 3)
+        y = solver.y
+    return positions
+
+
+def _is_stiff(slope: Slope, t: float, y: np.ndarray, n: int) -> bool:
+    # Largest decay rate of the rates alone: an explicit method pays for it in every step.
+    rng, rate = np.random.default_rng(1), 0.0
+    base, w = slope(t, y), rng.normal(size=n)
+    for _ in range(15):
+        w /= np.linalg.norm(w)
+        moved = y.copy()
+        moved[n:] += 1e-6 * w
+        change = (slope(t, moved) - base)[n:] / 1e-6
+        rate, w = float(np.linalg.norm(change)), change
+        if rate == 0.0:
+            return False
+    return rate > 3000.0
+
+
+Event = tuple[float, Callable[[], None]]
+
+
+class _Chambers:
+    # The pressure of both arms since the valves last answered.
+
+    def __init__(self, arms: Any) -> None:
+        self.arms, self.start = arms, 0.0
+        self.begin, self.target = np.zeros(2), np.zeros(2)
+
+    def at(self, time: float) -> np.ndarray:
+        taus = np.where(self.target > self.begin, self.arms.fill_time, self.arms.vent_time)
+        values = zip(self.begin, self.target, taus, strict=True)
+        return np.array([chamber(time, self.start, *map(float, value)) for value in values])
+
+    def answer(self, time: float, target: np.ndarray) -> None:
+        self.begin, self.target, self.start = self.at(time), target, time
+
+
+def _events(scene: Scene, equations: Equations, duration: float) -> list[Event]:
+    # Times at which the right side jumps, each with what happens then.
+    effects: list[Any] = list(scene.effects)
+    events: list[Event] = [(0.0, lambda: None)]
+    for effect in effects:
+        driven = effect.name == "driven_edges" or getattr(effect, "drive", "") == "curvature"
+        if driven and effect.rise_time < duration:
+            events.append((effect.rise_time, lambda: None))
+    arms: Any = equations.effects.get("arms")
+    chambers = _Chambers(arms)
+    if arms is not None and arms.drive == "pressure":
+        equations.pressure = chambers.at
+    for command in scene.inputs:
+        t = command.time
+        if command.torque is not None:
+            torque = np.broadcast_to(np.array(command.torque, dtype=float).reshape(-1, 1), (2, arms.links))
+            events.append((t, partial(setattr, equations, "held", torque)))
+        if command.pressure is not None:
+            target = np.broadcast_to(np.array(command.pressure, dtype=float), (2,))
+            later = t + arms.dead_time
+            events.append((later, partial(chambers.answer, later, target)))
+        if command.wrench is not None:
+            frame, force, moment = command.wrench
+            held = {frame: (np.array(force), np.array(moment))}
+            events.append((t, partial(equations.wrenches.update, held)))
+    return sorted((event for event in events if event[0] < duration), key=lambda event: event[0])

@@ -1,0 +1,85 @@
+"""The accuracy study: equations that share no code with the product, a reference, and figures of real errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ldcs_ros import load_scene
+from ldcs_ros.study.accuracy.equations import Equations
+from ldcs_ros.study.accuracy.measure import Pair, pairs
+from ldcs_ros.study.accuracy.random_scenes import Case, random_case
+from ldcs_ros.study.accuracy.report import figures, write
+from ldcs_ros.study.accuracy.violent_cases import violent_cases
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_independent_equations_give_the_accelerations_of_the_model(seed):
+    scene = load_scene(random_case(seed).content)
+    simulation = scene.build()
+    model, equations = simulation.model, Equations(scene)
+    np.testing.assert_array_equal(equations.free, model.free)
+    rng = np.random.default_rng(seed)
+    q, u = model.rest()
+    q[model.free] += 0.003 * rng.normal(size=len(model.free))
+    u[model.free] += 0.1 * rng.normal(size=len(model.free))
+    time = 7e-4
+    model.prescribe(time, q, u)
+    own_q, own_u = q.copy(), u.copy()
+    equations.prescribe(time, own_q, own_u)
+    np.testing.assert_allclose(own_q, q, atol=1e-13)
+    np.testing.assert_allclose(own_u, u, atol=1e-11)
+    equations.held = simulation.inputs.torque
+    expected = model.accelerate(time, q, u, simulation.inputs.held())
+    own = equations.accelerations(time, q, u)[model.free]
+    assert np.abs(own - expected).max() <= 1e-10 * np.abs(expected).max()
+
+
+def test_every_case_is_a_scene_and_random_scenes_cover_the_laws_and_effects():
+    drawn = [random_case(seed) for seed in range(120)]
+    assert drawn[7] == random_case(7)
+    assert all(load_scene(case.content).build().model.free.size for case in [*drawn, *violent_cases()])
+    effects = [effect for case in drawn for effect in case.content["effects"]]
+    assert {effect["law"] for effect in effects if effect["type"] == "springs"} == {
+        "axial",
+        "axiswise",
+        "corotational",
+    }
+    assert {effect["drive"] for effect in effects if effect["type"] == "arms"} == {
+        "torque",
+        "pressure",
+        "curvature",
+    }
+    assert {"clamp", "driven_edges", "floor", "support", "drag", "payload", "force", "wrench"} <= {
+        effect["type"] for effect in effects
+    }
+
+
+def test_a_smooth_fall_is_within_the_asked_accuracy_of_the_reference_and_the_study_says_so(tmp_path):
+    content = {
+        "lattice": {"size": [0.1, 0.1, 0.01], "nodes": [2, 2], "mass": 0.05},
+        "effects": [
+            {"type": "springs", "stiffness": 200.0, "damping": 1.0},
+            {"type": "gravity"},
+            {"type": "clamp", "edge": "x_min"},
+        ],
+    }
+    case = Case("clamped_cell", content, 0.2, looks=10)
+    found = list(pairs([case], (1e-3, 1e-5), cache=tmp_path, seconds=30.0))
+    assert [pair.asked for pair in found] == [1e-3, 1e-5]
+    assert all(1e-12 < pair.real <= pair.asked for pair in found)
+    assert list(tmp_path.glob("*.npz"))
+    table, picture = write(found, tmp_path)
+    assert table.read_text().count("clamped_cell") == 2 and picture.stat().st_size > 1000
+
+
+def test_the_figures_count_missed_accuracies_and_silent_estimates():
+    def pair(real, estimate, failure=""):
+        return Pair("case", 1e-5, real, estimate, 1, 0.1, failure)
+
+    found = figures(
+        [pair(1e-6, 2e-6), pair(4e-5, 1e-5), pair(5e-6, 4e-6), pair(1e-7, 1e-5), pair(0.0, 0.0, "stopped")]
+    )
+    assert (found.pairs, found.stopped, found.within) == (4, 1, 0.75)
+    assert found.ratio[2] == pytest.approx(4.0)
+    assert (found.honest, found.sharp) == (0.75, 0.75)
