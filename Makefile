@@ -15,7 +15,7 @@ endif
 READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
 PACKAGE := .venv/.package
 MESSAGES := .venv/.messages
-LOAD := source tools/environment.sh && $(BIN)/python test/faults/under_load.py $(if $(SECONDS),--seconds $(SECONDS) --docs out)
+LOAD := source tools/environment.sh && $(BIN)/python tools/stress/under_load.py $(if $(SECONDS),--seconds $(SECONDS) --docs out)
 STAND_IN := .venv/.stand_ins
 
 help:  ## list the targets
@@ -55,6 +55,9 @@ faults: setup  ## flood, joining subscribers, kill -9, a full disk (three minute
 
 attack: setup  ## attack the bridge with each event of the table (half an hour), write it into docs/bridge.md: ATTACK='--only serial'
 	@source tools/environment.sh && exec $(BIN)/python tools/attack $(or $(ATTACK),--slow --write docs/bridge.md)
+
+mutants: setup  ## change operators and constants of inner rooms, list what no test notices: MUTANTS='physics --count 20'
+	@source tools/environment.sh && $(BIN)/python tools/mutants.py $(MUTANTS)
 
 types: setup  ## check the types
 	@$(BIN)/mypy

@@ -31,7 +31,11 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: object, options: Iterable[object]) -> str:
-    """Return ` Did you mean 'x'?` for the nearest option, or nothing."""
+    """Return ` Did you mean 'x'?` for the nearest option, or nothing.
+
+    >>> did_you_mean("stifness", ["stiffness", "damping"])
+    " Did you mean 'stiffness'?"
+    """
     near = difflib.get_close_matches(str(word)[:MAX_SHOWN], [str(option) for option in options], n=1)
     return f" Did you mean {near[0]!r}?" if near else ""
 
@@ -91,6 +95,9 @@ def words(default: Any, options: tuple[str, ...], help: str) -> Any:
 
 def finite_number(value: object, *, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
     """Return a finite number within its bounds as float; NumPy numbers are numbers.
+
+    >>> finite_number(3, low=0.0, unit="m")
+    3.0
 
     Raises:
         ValueError: It is something else; the message says got and expected.

@@ -58,6 +58,9 @@ def read_text(path: Path, kind: str, error: type[LdcsError]) -> str:
 def read_yaml(text: str, *, origin: str, error: type[LdcsError]) -> Any:
     """Return the content of YAML text as dicts, lists, texts, numbers, truth values and None.
 
+    >>> read_yaml("mass: 69.0e-3", origin="my.yaml", error=LdcsError)
+    {'mass': 0.069}
+
     Args:
         text: YAML of one document.
         origin: Name of the source in errors.

@@ -13,6 +13,9 @@ _ON_TICK = 1e-9
 class Ticks:
     """The next tick of a grid.
 
+    >>> Ticks.starting_at(80.0, 1.0).time
+    1.0
+
     Attributes:
         rate: Ticks a second [Hz], above 0.
         index: Number of the next tick.

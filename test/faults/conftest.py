@@ -8,4 +8,4 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "ros")]
+sys.path[:0] = [str(Path(__file__).parents[2] / "tools" / "stress"), str(Path(__file__).parents[1] / "ros")]
