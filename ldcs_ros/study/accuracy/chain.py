@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ldcs_ros.study.accuracy.equations import Equations
+
+class Sheet(Protocol):
+    """The sheet as chains need it: size [m], nodes along x and y, number of nodes, gravity [m/s^2] of shape (3,)."""
+
+    size: tuple[float, float, float]
+    shape: tuple[int, ...]
+    n: int
+    gravity: np.ndarray
 
 
 class Chains:
@@ -17,7 +23,7 @@ class Chains:
     over the links before it and half of its own: M = sum m J^T J + I, and the rest is m J^T J' phi'.
     """
 
-    def __init__(self, arms: Any, sheet: Equations) -> None:
+    def __init__(self, arms: Any, sheet: Sheet) -> None:
         self.arms, self.sheet, self.n = arms, sheet, arms.links
         length, thickness = sheet.size[0], sheet.size[2]
         self.length = np.full(self.n, length / self.n)
