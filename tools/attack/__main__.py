@@ -20,7 +20,7 @@ os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "SHM")
 os.environ.pop("ROS_AUTOMATIC_DISCOVERY_RANGE", None)
 
 from attack_run import SURVIVES, Row, Run  # noqa: E402
-from attack_table import write_table  # noqa: E402
+from attack_table import safe_rows, write_table  # noqa: E402
 from bridge_process import prefer_devices  # noqa: E402
 from events import Event, events  # noqa: E402
 from random_answers import random_lines, random_modbus  # noqa: E402
@@ -64,6 +64,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="the selection of the test suite")
     parser.add_argument("--slow", action="store_true", help="also the rows that take a minute")
     parser.add_argument("--keep", action="store_true", help="keep the files of each run")
+    parser.add_argument("--missing", action="store_true", help="leave out rows that --write has as safe")
     parser.add_argument("--list", action="store_true", help="print the rows, run none")
     parser.add_argument("--write", type=Path, help="Markdown file in whose table the rows are replaced")
     arguments = parser.parse_args()
@@ -74,6 +75,9 @@ def main() -> int:
         and (event.quick or not arguments.quick)
         and re.search(arguments.only, f"{event.transport} {event.phase} {event.what}")
     ]
+    if arguments.missing and arguments.write:
+        known = safe_rows(arguments.write)
+        chosen = [event for event in chosen if (event.transport, event.phase, event.what) not in known]
     if arguments.list:
         for event in chosen:
             print(f"{event.transport:7} {event.phase:28} {event.what} -> {event.outcome}")

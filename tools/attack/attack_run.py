@@ -303,7 +303,7 @@ class Run:
             time.sleep(1.0)
             highest = self.chambers.highest(self.reference, time.monotonic())
             self.require(highest <= EMPTY, f"moved to {highest:.0f} mbar")
-        time.sleep(max(0.0, self.reference + PROMISE + 0.5 - time.monotonic()))
+        time.sleep(max(1.0, self.reference + PROMISE + 0.5 - time.monotonic()))
         watched = time.monotonic()
         status = self._end()
         zero, empty = self.chambers.zero_held_since(), self.chambers.empty_since(EMPTY, watched)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 import fcntl
 import json
+import os
+import platform
 import re
 from collections.abc import Iterable
 from pathlib import Path
 
 from attack_run import MARGIN, PROMISE, REFUSED, STAYS_EMPTY, SURVIVES, Event, Row
+from bridge_process import BRIDGE_PRIORITY, DEVICE_PRIORITY
 
 BEGIN, END = "<!-- attacks: begin -->", "<!-- attacks: end -->"
 _LONGEST = 110
@@ -38,11 +41,19 @@ def write_table(page: Path, rows: Iterable[Row], order: Iterable[Row | Event]) -
         page.write_text(f"{head}{BEGIN}\n{table(kept)}\n{END}{tail}", encoding="utf-8")
 
 
+def safe_rows(page: Path) -> set[Key]:
+    """Return the keys of the rows of a page that were measured as safe."""
+    return {_key(row) for row in _read(page.with_name("attacks.json")) if row.safe}
+
+
 def table(rows: list[Row]) -> str:
     """Return the table with one line that sums it up."""
     unsafe = sum(not row.safe for row in rows)
     lines = [
         f"{len(rows)} events, {unsafe} unsafe. Promise: `command_timeout + vent_time` + {MARGIN:g} s = {PROMISE:g} s.",
+        f"Measured beside other work on {os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python "
+        f"{platform.python_version()}; nice {DEVICE_PRIORITY} of devices, operator and busy loops, "
+        f"{BRIDGE_PRIORITY} of the bridge.",
         "",
         "| link | state | event | zero set-point | chambers empty | the operator sees | exit | verdict |",
         "|---|---|---|---|---|---|---|---|",

@@ -11,6 +11,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+DEVICE_PRIORITY, BRIDGE_PRIORITY = -10, -5
+"""Priorities where the system allows them: other work on the machine is no event of the table."""
+
 
 class BridgeProcess:
     """`bridge` with parameters; every line of its terminal is kept with the time when it came.
@@ -111,13 +114,13 @@ class BridgeProcess:
 def prefer_devices() -> None:
     """Let devices and operator run before the bridge where the system allows it: they are the instruments."""
     try:
-        os.setpriority(os.PRIO_PROCESS, 0, -10)
+        os.setpriority(os.PRIO_PROCESS, 0, DEVICE_PRIORITY)
     except PermissionError:
         pass  # then they share the machine evenly
 
 
 def _prepare(limit: Callable[[], None] | None) -> None:
-    if os.getpriority(os.PRIO_PROCESS, 0) < 0:
-        os.setpriority(os.PRIO_PROCESS, 0, 0)
+    if os.getpriority(os.PRIO_PROCESS, 0) < BRIDGE_PRIORITY:
+        os.setpriority(os.PRIO_PROCESS, 0, BRIDGE_PRIORITY)
     if limit is not None:
         limit()

@@ -446,7 +446,7 @@ def _modbus() -> list[Event]:
             answers("closed in the middle", 1),
             outcome=EITHER,
         ),
-        Event("50 answers of random bytes", m, answers("random bytes", 50)),
+        Event("answers of random bytes, for 2 s", m, answers("random bytes"), heals=True),
         Event("answers split into bytes", m, answers("split"), outcome=GOES_ON),
         Event("each answer late by 0.3 s, for 2 s", m, _late_answers, heals=True),
         Event("silent island, for 2 s", m, answers("silent"), heals=True, seen="vented"),
