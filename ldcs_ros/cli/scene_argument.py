@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -77,9 +78,13 @@ def changed_scene(scene: Any, overrides: Sequence[str]) -> Any:
         SceneError: It is not valid after the changes.
     """
     from ldcs_ros.scene.load import parse_scene
+    from ldcs_ros.scene.mesh_change import carry_places
     from ldcs_ros.schema.reader import write_yaml
 
     if not overrides:
         return scene
-    content = apply_overrides(scene.content, overrides)
+    before = scene.content
+    content = apply_overrides(before, overrides)
+    for line in carry_places(before, content):
+        print(f"ldcs: note: {line}", file=sys.stderr)
     return parse_scene(write_yaml(content), name=scene.name, origin=f"{scene.name} with --set")

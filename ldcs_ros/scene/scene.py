@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 from ldcs_ros.scene import schema
+from ldcs_ros.scene.mesh_change import carry_places
 from ldcs_ros.schema.paths import put_value, remove_value
 from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
@@ -62,8 +64,10 @@ class Scene:
             changes: Values by path, such as `{"effects.springs.stiffness": 90.0}`; None removes a key.
             **keys: Values of top-level keys, such as `inputs=None`.
 
+        Places that are node numbers keep their places on another mesh, with a warning for each.
+
         Raises:
-            SceneError: A path does not exist, or the changed scene is not valid.
+            SceneError: A path does not exist, a place has no node on the new mesh, or the changed scene is not valid.
         """
         changed = {**(changes or {}), **keys}
         content = self.content
@@ -72,6 +76,8 @@ class Scene:
                 remove_value(content, path)
             else:
                 put_value(content, path, plain_values(value, origin=path, error=SceneError))
+        for line in carry_places(self.content, content):
+            warnings.warn(f"{self.name}: {line}", stacklevel=2)
         return parse_scene(write_yaml(content), name=self.name, origin=self.name) if changed else self
 
     def effect(self, name: str) -> Any:

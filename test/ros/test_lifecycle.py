@@ -18,7 +18,7 @@ def state_of(user):
 
 
 def test_a_cleaned_up_node_left_a_whole_bag_and_takes_another_scene(start, tmp_path):
-    node, user = start(scene="single_spring", record=tmp_path / "first")
+    node, user = start(scene="single_spring", record=tmp_path / "first", graph_folder=tmp_path)
     user.listen(NODES, "sensor_msgs/PointCloud2")
     width = user.next(NODES).width
     assert not user.set_parameters(scene="hanging_sheet").results[0].successful

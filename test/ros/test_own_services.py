@@ -17,6 +17,7 @@ srv = pytest.importorskip("ldcs_msgs.srv", reason="the interface package is not 
 
 from builtin_interfaces.msg import Duration  # noqa: E402
 from geometry_msgs.msg import Vector3, Wrench  # noqa: E402
+from lifecycle_msgs.msg import Transition  # noqa: E402
 
 NODES = "/ldcs/nodes"
 SMALL = """\
@@ -49,7 +50,9 @@ def load(user, scene):
 def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start, tmp_path):
     scene = tmp_path / "sheet.yaml"
     scene.write_text(SMALL.replace("A small", "Another small"))
-    node, user = start(scene="rig", record=tmp_path / "bag", record_detail=True, duration=1e6)
+    node, user = start(
+        scene="rig", record=tmp_path / "bag", record_detail=True, duration=1e6, graph_folder=tmp_path
+    )
     user.listen(NODES, "sensor_msgs/PointCloud2")
     user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     user.listen("/ldcs/lattice_state", "ldcs_msgs/LatticeState")
@@ -88,7 +91,7 @@ def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start,
     assert user.diagnostics("commands")["refused"] == "5"
     user.spin(0.4)
 
-    assert load(user, str(scene)).message == "Another small sheet without arms"
+    assert load(user, "sheet.yaml").message == "Another small sheet without arms"
     user.spin(0.2)
     assert load(user, "single_spring").success
     user.spin(0.2)
@@ -100,6 +103,42 @@ def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start,
     for name in names:
         verdict = replay(tmp_path / name, tmp_path / f"again_{name}").verdict
         assert verdict.same_bytes and verdict.messages > 10, (name, verdict)
+
+
+def test_a_request_reaches_no_file_outside_the_folder_and_reads_none_by_its_refusal(start, tmp_path):
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (folder / "broken.yaml").write_text("password: hunter2\n")
+    (tmp_path / "outside.yaml").write_text(SMALL)
+    (folder / "link.yaml").symlink_to(tmp_path / "outside.yaml")
+    node, user = start(scene="single_spring", graph_folder=folder)
+    refusals = {
+        load(user, path).message.replace(path, "")
+        for path in (
+            str(tmp_path / "outside.yaml"),
+            str(tmp_path / "absent.yaml"),
+            "../outside.yaml",
+            "link.yaml",
+        )
+    }
+    assert len(refusals) == 1 and "graph_folder" in refusals.pop()
+    answer = load(user, "broken.yaml")
+    assert not answer.success and "hunter2" not in answer.message and "password" not in answer.message
+    assert "password" in node.output
+    user.change_state(Transition.TRANSITION_DEACTIVATE)
+    user.change_state(Transition.TRANSITION_CLEANUP)
+    for name, value in (("scene", str(tmp_path / "outside.yaml")), ("record", str(tmp_path / "bag"))):
+        answer = user.set_parameters(**{name: value}).results[0]
+        assert not answer.successful and "graph_folder" in answer.reason
+    assert user.set_parameters(record=str(folder / "bag")).results[0].successful
+
+
+def test_without_a_folder_no_request_names_a_file(start, tmp_path):
+    (tmp_path / "mine.yaml").write_text(SMALL)
+    _, user = start(scene="single_spring")
+    answer = load(user, str(tmp_path / "mine.yaml"))
+    assert not answer.success and "graph_folder" in answer.message
+    assert load(user, "hanging_sheet").success and load(user, SMALL).success
 
 
 def test_a_scene_is_loaded_paused_when_the_twin_is_paused(start):

@@ -112,7 +112,10 @@ class Operator(PlainUser):
 def user(tmp_path_factory):
     """The paper's scene, live for all tests of this file."""
     domain = own_domain()
-    node = LiveNode(tmp_path_factory.mktemp("simulator") / "node.log", domain, scene="paper")
+    folder = tmp_path_factory.getbasetemp()
+    node = LiveNode(
+        tmp_path_factory.mktemp("simulator") / "node.log", domain, scene="paper", graph_folder=folder
+    )
     user = Operator(domain)
     try:
         user.listen(NODES, "sensor_msgs/PointCloud2")
@@ -337,8 +340,9 @@ def test_worlds_are_the_scenes_and_are_chosen_by_their_effects(user, tmp_path):
     assert user.ask("GetCurrentWorld").world.name == "paper"
 
 
-def test_a_world_is_loaded_by_name_or_text_and_left_stopped(start):
-    node, _ = start(with_user=False, scene="paper")
+def test_a_world_is_loaded_by_name_or_text_and_left_stopped(start, tmp_path):
+    (tmp_path / "x.sdf").write_text("<sdf/>")
+    node, _ = start(with_user=False, scene="paper", graph_folder=tmp_path)
     user = Operator(node.domain)
     response = srv.LoadWorld.Response
     try:
@@ -346,7 +350,8 @@ def test_a_world_is_loaded_by_name_or_text_and_left_stopped(start):
         for resource, code in (
             (Resource(), response.NO_RESOURCE),
             (Resource(uri="no_such_scene"), Result.RESULT_NOT_FOUND),
-            (Resource(uri=__file__), response.UNSUPPORTED_FORMAT),
+            (Resource(uri=str(tmp_path / "x.sdf")), response.UNSUPPORTED_FORMAT),
+            (Resource(uri=__file__), Result.RESULT_NOT_FOUND),
             (Resource(resource_string="title: nothing\n"), response.RESOURCE_PARSE_ERROR),
         ):
             assert user.ask("LoadWorld", world_resource=resource).result.result == code

@@ -27,6 +27,12 @@ _ALL = (
         "duration", 0.0, "Simulation time at which the node ends [s]; 0 for never.", 0.0, 1e9, read_only=False
     ),
     _at_configure("record", "", "Folder of the bag that is recorded; it must not exist. Empty for none."),
+    NodeParameter(
+        "graph_folder",
+        "",
+        "Folder below which files lie that are named over the graph: by load_scene, LoadWorld, and by scene and "
+        "record when they are set later. Empty for no files.",
+    ),
     _at_configure("seed", -1, "Seed of the sensors' noise; -1 for the scene's own.", -1, 2**31 - 1),
     _at_configure(
         "publish_rate", 50.0, "Reports of the state a second of simulation time [Hz].", 0.1, 2000.0

@@ -11,9 +11,9 @@ from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import Trigger
 
 from ldcs_ros.ros.common.refusals import report_errors
+from ldcs_ros.ros.sim.graph_files import GraphFiles
 from ldcs_ros.ros.sim.runner import Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.scene.load import scene_of
 
 
 class Services:
@@ -120,11 +120,15 @@ class SceneService:
         node: The node that offers it.
         service_type: The class LoadScene.
         loader: What loads the scenes.
+        files: Resolver of paths.
     """
 
-    def __init__(self, node: LifecycleNode, service_type: Any, loader: SceneLoader) -> None:
+    def __init__(
+        self, node: LifecycleNode, service_type: Any, loader: SceneLoader, files: GraphFiles
+    ) -> None:
         self._node = node
         self._loader = loader
+        self._files = files
         # Others are served while this one waits for the new twin.
         node.create_service(
             service_type, "~/load_scene", self._handle, callback_group=ReentrantCallbackGroup()
@@ -132,7 +136,7 @@ class SceneService:
 
     async def _handle(self, request: Any, response: Any) -> Any:
         with report_errors(self._node, response):
-            twin, trouble = await self._loader.load(partial(scene_of, request.scene))
+            twin, trouble = await self._loader.load(partial(self._files.scene, request.scene))
             title = twin.scene.title or twin.scene.name
             response.success, response.message = True, f"{title}; {trouble}" if trouble else str(title)
             response.effects = list(twin.simulation.effects)

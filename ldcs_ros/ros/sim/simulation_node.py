@@ -14,7 +14,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from ldcs_ros import load_scene
-from ldcs_ros.errors import DivergenceError, LdcsError
+from ldcs_ros.errors import DivergenceError, LdcsError, SceneError
 from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
 from ldcs_ros.ros.common.parameters import WholeParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
@@ -22,12 +22,14 @@ from ldcs_ros.ros.common.refusals import InactiveNodeError, InvalidStateError
 from ldcs_ros.ros.common.transport import TopicTransport
 from ldcs_ros.ros.sim import parameters
 from ldcs_ros.ros.sim.graph_checks import ClockMonitor, DuplicateNodeCheck, sim_time_error
+from ldcs_ros.ros.sim.graph_files import GraphFiles
 from ldcs_ros.ros.sim.pacing import Pacer, tolerance
 from ldcs_ros.ros.sim.recording_session import RecordingSession
 from ldcs_ros.ros.sim.runner import PeriodicTask, Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
 from ldcs_ros.ros.sim.services import SceneService, Services, WrenchService
 from ldcs_ros.ros.sim.status import StatusLine, health
+from ldcs_ros.scene.load import shipped_scenes
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
@@ -73,6 +75,9 @@ class SimulationNode(LifecycleNode):
         self._is_active = False
         self._triggers = Services(self, self.active_runner)
         self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, swap_scene=self._swap_scene)
+        self._files = GraphFiles(self._value("graph_folder"), self.get_logger())
+        # A value given at the start is the operator's; one that is set later comes from the graph.
+        self._given = {name: self._value(name) for name in ("scene", "record")}
         self._offer_own_services()
         self._simulator = self._offer_simulator_services()
 
@@ -95,7 +100,7 @@ class SimulationNode(LifecycleNode):
         """Build the twin, join the graph and start recording."""
         try:
             self._check_setting()
-            self._start(self._twin_of(load_scene(self._value("scene"))))
+            self._start(self._twin_of(self._asked_scene()))
         except LdcsError as error:
             self.get_logger().error(str(error))
             self._problem = error
@@ -194,7 +199,7 @@ class SimulationNode(LifecycleNode):
         except ImportError as error:
             self.get_logger().warning(f"simulation_interfaces cannot be used: {error}")
             return None
-        return SimulatorServices(self, self, self._scenes)
+        return SimulatorServices(self, self, self._scenes, self._files)
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -205,7 +210,7 @@ class SimulationNode(LifecycleNode):
         from ldcs_msgs.srv import ApplyWrench, LoadScene
 
         WrenchService(self, ApplyWrench, self.active_runner)
-        SceneService(self, LoadScene, self._scenes)
+        SceneService(self, LoadScene, self._scenes, self._files)
 
     def _check_setting(self) -> None:
         present = installed()
@@ -266,7 +271,7 @@ class SimulationNode(LifecycleNode):
         if twin.settings.publish_clock:
             self._clock_monitor.refuse_second()
         self._join_graph(twin, runner)
-        self._bag.start(self._value("record"), twin, self.get_namespace())
+        self._bag.start(self._asked_folder(), twin, self.get_namespace())
         self._runner, self._status = runner, StatusLine(sys.stderr, runner)
         period = self._status.period
         runner.periodic_tasks += [
@@ -312,7 +317,26 @@ class SimulationNode(LifecycleNode):
         validation_error = sim_time_error(**given)
         if validation_error:
             return SetParametersResult(successful=False, reason=validation_error)
+        try:
+            for change in changes:
+                self._check_path(change)
+        except SceneError as error:
+            return SetParametersResult(successful=False, reason=f"parameter {change.name}: {error}")
         return parameters.check(changes, configured=self._runner is not None)
+
+    def _asked_scene(self) -> Scene:
+        name = self._value("scene")
+        return load_scene(name) if name == self._given["scene"] else self._files.scene(name)
+
+    def _asked_folder(self) -> str:
+        folder = self._value("record")
+        return str(folder if folder in ("", self._given["record"]) else self._files.path(folder))
+
+    def _check_path(self, change: Parameter[Any]) -> None:
+        if change.name not in self._given or change.value in ("", self._given[change.name]):
+            return
+        if change.name == "record" or change.value not in shipped_scenes():
+            self._files.path(str(change.value))
 
     def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
         runner = self._runner

@@ -10,6 +10,7 @@ from rclpy.lifecycle import LifecycleNode
 from simulation_interfaces.msg import SimulatorFeatures
 
 from ldcs_ros import __version__
+from ldcs_ros.ros.sim.graph_files import GraphFiles
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
 from ldcs_ros.ros.simulator.answers import offer
 from ldcs_ros.ros.simulator.control import Control, Host, Stepping
@@ -63,12 +64,13 @@ class SimulatorServices:
         node: The node that offers them.
         host: The same node, as what has the runner.
         loader: What loads scenes.
+        files: Resolver of paths.
 
     Attributes:
         offered: Names of the types of all services and actions.
     """
 
-    def __init__(self, node: LifecycleNode, host: Host, loader: SceneLoader) -> None:
+    def __init__(self, node: LifecycleNode, host: Host, loader: SceneLoader, files: GraphFiles) -> None:
         control, entities = Control(host), EntityServices(host)
         handlers: dict[str, Callable[[Any, Any], None]] = {
             "GetSimulationState": control.get_state,
@@ -81,7 +83,7 @@ class SimulatorServices:
             "SetEntityState": entities.refuse_to_set,
         }
         self.offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
-        self.offered += _offer_worlds(node, host, loader)
+        self.offered += _offer_worlds(node, host, loader, files)
         self._stepping = Stepping(node, host)
         self.offered += self._stepping.offered
         offer(node, "GetSimulatorFeatures", Features(self.offered).tell)
@@ -91,13 +93,13 @@ class SimulatorServices:
         self._stepping.close()
 
 
-def _offer_worlds(node: LifecycleNode, host: Host, loader: SceneLoader) -> list[str]:
+def _offer_worlds(node: LifecycleNode, host: Host, loader: SceneLoader, files: GraphFiles) -> list[str]:
     try:
         from ldcs_ros.ros.simulator.worlds import Worlds
     except ImportError:
         # The first version of the interfaces had no worlds.
         return []
-    worlds = Worlds(host, loader)
+    worlds = Worlds(host, loader, files)
     handlers = {"GetAvailableWorlds": worlds.available, "GetCurrentWorld": worlds.current}
     offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
     return offered + (
