@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -49,6 +50,22 @@ class _PackedIndex:
         builder.finish_record()  # type: ignore[no-untyped-call]
 
 
+class _CountedStream:
+    """A stream that counts its bytes, also those that a cut takes away again."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self.written = 0
+        self.flush, self.fileno, self.close = stream.flush, stream.fileno, stream.close
+
+    def write(self, data: bytes) -> int:
+        self.written += len(data)
+        return self._stream.write(data)
+
+    def tell(self) -> int:
+        return self.written
+
+
 class BagFile:
     """A new MCAP file, locked while it is open; not for several threads at once.
 
@@ -61,10 +78,10 @@ class BagFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._stream = open_new(path)
+        self._stream = _CountedStream(open_new(path))
         with suppress(OSError):  # file systems without locks: recording goes on without this protection
             fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=COMPRESSION)
+        self._writer = Writer(cast(IO[bytes], self._stream), chunk_size=CHUNK_SIZE, compression=COMPRESSION)
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[int, tuple[str, str, str, dict[str, str]]] = {}
         self._counts: dict[int, int] = {}
@@ -143,6 +160,23 @@ class BagFile:
         """Waits until what was flushed is on the disk: a power cut keeps it."""
         os.fdatasync(self._stream.fileno())
 
+    def check(self) -> None:
+        """Compare the file under its path with the one that is being written.
+
+        Raises:
+            OSError: The file was removed, renamed, replaced or cut while it was written.
+        """
+        self._stream.flush()
+        own = os.fstat(self._stream.fileno())
+        try:
+            found = os.stat(self.path)
+        except OSError as error:
+            raise OSError(errno.ENOENT, "the file or its folder was removed or renamed") from error
+        if (own.st_dev, own.st_ino) != (found.st_dev, found.st_ino):
+            raise OSError(errno.ENOENT, "another file has taken the place of the recording")
+        if own.st_size < self._stream.written:
+            raise OSError(errno.EIO, "the file was cut")
+
     @property
     def count(self) -> int:
         """Messages added."""
@@ -184,5 +218,5 @@ class BagFile:
 
 
 def open_new(path: Path) -> IO[bytes]:
-    """A file for writing that did not exist before."""
-    return open(path, "xb")
+    """A file for writing that did not exist before; after a cut it goes on at the end, so that its size shows it."""
+    return open(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))

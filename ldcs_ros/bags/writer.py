@@ -21,6 +21,9 @@ QUEUE_LIMIT = 32 << 20
 """Bytes that wait for the disk before `write` blocks: minutes of the paper scene."""
 SYNC_PERIOD = 5.0
 """Wall time between two waits for the disk itself [s]."""
+REST = "_rest"
+MAX_RESTS = 9
+"""Folders that a disturbed recording may go on in."""
 CLOSE_TIMEOUT = 30.0
 """Wall time that `close` gives a disk that does not answer [s]."""
 
@@ -48,7 +51,9 @@ class BagWriter:
        More often would wear the disk and gain little, since a machine fails far less often than a process.
     4. A disk that fills up or fails ends the recording, not the run: `error` then holds one line, later
        messages are counted in `lost` and what was flushed stays readable after `ldcs recover`.
-    5. metadata.yaml is written only by `close`. Before that the folder holds nothing that a reader could take
+    5. A folder or file that is removed, renamed, replaced or cut is noticed at the next flush. `error` says so, and
+       the rest goes into `<folder>_rest1`, where that can be made.
+    6. metadata.yaml is written only by `close`. Before that the folder holds nothing that a reader could take
        for a whole bag (an early card would say "0 messages"); custom_data and the offered quality of service
        stand at the start of the MCAP file, so that a killed run still says what it was.
 
@@ -91,6 +96,8 @@ class BagWriter:
         self._lost = 0
         self._last_time = 0
         self._closing = False
+        self._stopped = False
+        self._unchecked: list[tuple[_Channel, bytes, int]] = []
         self._error: str | None = None
         self._file = self._open()
         self._thread = threading.Thread(target=self._run, name=f"bag {self.folder.name}", daemon=True)
@@ -121,9 +128,9 @@ class BagWriter:
             raise RecordingError(f"message on {topic} has log time {time_ns} ns; a bag holds times >= 0 only")
         data = bytes(cdr)
         with self._condition:
-            while self._pending_bytes > QUEUE_LIMIT and self._error is None and not self._closing:
+            while self._pending_bytes > QUEUE_LIMIT and not self._stopped and not self._closing:
                 self._condition.wait()
-            if self._error is not None or self._closing:
+            if self._stopped or self._closing:
                 self._lost += 1
                 return
             self._pending.append((channel, data, int(time_ns)))
@@ -154,7 +161,7 @@ class BagWriter:
 
     @property
     def lost(self) -> int:
-        """Messages that are not in the bag: those after the last flush before the disk failed."""
+        """Messages that are not in the bag: those after the last flush before a failure, those before a disturbance."""
         return self._lost
 
     def __enter__(self) -> BagWriter:
@@ -167,20 +174,23 @@ class BagWriter:
 
     def _open(self) -> BagFile:
         """The folder and the MCAP file with everything that is known before the first message."""
-        path = self.folder / f"{self.folder.name}_0.mcap"
         try:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise RecordingError(_unwritable(self.folder, error)) from error
+        return self._file_in(self.folder)
+
+    def _file_in(self, folder: Path) -> BagFile:
+        path = folder / f"{folder.name}_0.mcap"
         try:
-            self.folder.mkdir()
+            folder.mkdir()
         except FileExistsError as error:
             raise RecordingError(
-                f"the bag folder {self.folder} exists already and is never overwritten; "
+                f"the bag folder {folder} exists already and is never overwritten; "
                 "give another name or remove it first"
             ) from error
         except OSError as error:
-            raise RecordingError(_unwritable(self.folder, error)) from error
+            raise RecordingError(_unwritable(folder, error)) from error
         file = None
         try:
             file = BagFile(path)
@@ -188,13 +198,13 @@ class BagWriter:
             for channel in self._channels.values():
                 channel.id = file.add_topic(channel.topic, channel.info, channel.schema)
             file.flush()
-            sync_folder(self.folder)
+            sync_folder(folder)
         except OSError as error:
             if file is not None:
                 file.abandon()
             path.unlink(missing_ok=True)
-            self.folder.rmdir()
-            raise RecordingError(_unwritable(self.folder, error)) from error
+            folder.rmdir()
+            raise RecordingError(_unwritable(folder, error)) from error
         return file
 
     def _declare(self, topic: str, message_type: str) -> _Channel:
@@ -214,6 +224,8 @@ class BagWriter:
         """The writing thread; whatever goes wrong ends in `error`, so that nobody waits for it forever."""
         try:
             self._record()
+            self._file.flush()
+            self._check()
             information = bag_information([self._file.summary()], self.custom_data)
             self._file.finish(information)
             self._flushed = self._file.count
@@ -239,13 +251,39 @@ class BagWriter:
                     channel.id = self._file.add_topic(channel.topic, channel.info, channel.schema)
                 self._file.add_message(channel.id, data, time)
                 self._last_time = time
+            self._unchecked += batch
             if monotonic() >= next_flush:
                 self._file.flush()
                 self._flushed = self._file.count
+                self._check()
                 next_flush = monotonic() + self.flush_period
             if monotonic() >= next_sync:
                 self._file.sync()
                 next_sync = monotonic() + SYNC_PERIOD
+
+    def _check(self) -> None:
+        # A file that was removed or renamed takes all bytes without an error; only its path tells.
+        try:
+            self._file.check()
+        except OSError as error:
+            lost = f"recording to {self.folder} was disturbed at {self._last_time / 1e9:.3f} s: {one_line(error)}"
+            first = self.folder.name.partition(REST)[0]
+            folders = (self.folder.with_name(f"{first}{REST}{k}") for k in range(1, MAX_RESTS + 1))
+            folder = next((one for one in folders if not one.exists()), None)
+            if folder is None:
+                raise
+            file, self._file = self._file, self._file_in(folder)
+            kept = file.count - len(self._unchecked)
+            file.abandon()
+            for channel, data, time in self._unchecked:
+                assert channel.id is not None  # the new file has a channel of each
+                self._file.add_message(channel.id, data, time)
+            self._file.flush()
+            with self._condition:
+                self._lost += kept
+                self._error = self._error or f"{lost}; the rest is saved in {folder}"
+            self._flushed, self.folder = self._file.count, folder
+        self._unchecked.clear()
 
     def _is_due(self) -> bool:
         return self._closing or self._pending_bytes > CHUNK_SIZE
@@ -259,6 +297,7 @@ class BagWriter:
                     f"mend the disk, then `ldcs recover {self.folder}`"
                 )
                 self._lost += self._accepted - self._flushed
+            self._stopped = True
             self._pending.clear()
             self._condition.notify_all()
 

@@ -5,10 +5,17 @@ from __future__ import annotations
 import time
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
-from ldcs_ros.ros.common.launching import NAMESPACE, argument, given_parameters, node, parameter_arguments
+from ldcs_ros.ros.common.launching import (
+    NAMESPACE,
+    argument,
+    given_parameters,
+    node,
+    parameter_arguments,
+    process,
+)
 from ldcs_ros.ros.sim.parameters import PARAMETERS
 
 
@@ -39,4 +46,4 @@ def _twin_and_recorder(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if not folder:
         return [twin]
     command = ["ros2", "bag", "record", "--all", "--storage", "mcap", "--output", folder]
-    return [ExecuteProcess(cmd=command, output="screen"), twin]
+    return [process(command), twin]

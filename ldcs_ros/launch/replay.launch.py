@@ -23,7 +23,7 @@ from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run
-from ldcs_ros.ros.common.launching import PACKAGE, argument, node
+from ldcs_ros.ros.common.launching import PACKAGE, argument, node, process
 from ldcs_ros.ros.sim.runner import RunMode
 
 # The player starts when the twin's time has run for two seconds, and takes a moment.
@@ -48,7 +48,7 @@ def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = context.launch_configurations
     if given["live"] == "false":
         command = [ExecutableInPackage("ldcs", PACKAGE), "replay", given["bag"], "--bag", given["output"]]
-        return [ExecuteProcess(cmd=command, output="screen")]
+        return [process(command)]
     recording = read_bag(given["bag"])
     run = recorded_run(recording)
     if run is None:
@@ -60,7 +60,7 @@ def _replay(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     values = {**_parameters(run), "record": given["output"], "duration": recording.end / 1e9 + LEAD}
     twin = node(context, "sim", values, namespace=run.namespace)
     player = ["ros2", "bag", "play", given["bag"], "--topics", *held]
-    players = [ExecuteProcess(cmd=player, output="screen")]
+    players = [process(player)]
 
     def play(event: ProcessIO) -> ExecuteProcess | None:
         # The twin's first line about its time; before, it compiles, and would miss the first commands.

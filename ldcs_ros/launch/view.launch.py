@@ -6,13 +6,13 @@ import tempfile
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
-from ldcs_ros.ros.common.launching import NAMESPACE, PACKAGE, argument
+from ldcs_ros.ros.common.launching import NAMESPACE, PACKAGE, argument, process
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -58,4 +58,4 @@ def _rviz(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def _player(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     bag = context.launch_configurations["bag"]
-    return [ExecuteProcess(cmd=["ros2", "bag", "play", "--loop", bag], output="screen")] if bag else []
+    return [process(["ros2", "bag", "play", "--loop", bag])] if bag else []

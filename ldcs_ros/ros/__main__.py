@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
-from typing import NoReturn
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NoReturn
 
 from ldcs_ros.ros.common.node_process import run
 from ldcs_ros.ros.live_view import main as live_view
+
+if TYPE_CHECKING:
+    from ldcs_ros.ros.common.parameters import NodeParameter
 
 
 def sim(arguments: list[str] | None = None) -> int:
@@ -22,7 +25,12 @@ def sim(arguments: list[str] | None = None) -> int:
 
         return SimulationNode.started
 
-    return run("sim", load, arguments)
+    def parameters() -> Mapping[str, NodeParameter]:
+        from ldcs_ros.ros.sim.parameters import PARAMETERS
+
+        return PARAMETERS
+
+    return run("sim", load, arguments, parameters)
 
 
 def bridge(arguments: list[str] | None = None) -> NoReturn:
@@ -33,7 +41,12 @@ def bridge(arguments: list[str] | None = None) -> NoReturn:
 
         return RigBridge
 
-    status = run("bridge", load, arguments)
+    def parameters() -> Mapping[str, NodeParameter]:
+        from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
+
+        return BRIDGE_PARAMETERS
+
+    status = run("bridge", load, arguments, parameters)
     # The end of the interpreter waits for a thread in the middle of a long computation; bags and links are closed.
     sys.stdout.flush()
     sys.stderr.flush()
@@ -48,7 +61,12 @@ def mock_rig(arguments: list[str] | None = None) -> int:
 
         return StandInRig
 
-    return run("mock_rig", load, arguments)
+    def parameters() -> Mapping[str, NodeParameter]:
+        from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS
+
+        return MOCK_RIG_PARAMETERS
+
+    return run("mock_rig", load, arguments, parameters)
 
 
 PROGRAMS: dict[str, Callable[[list[str] | None], int]] = {

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.errors import LdcsError, ViewingError
+from ldcs_ros.ros.common.node_process import own_words, unknown_word
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -39,6 +40,9 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
     parser.add_argument("--json", action="store_true", help="print the address as JSON")
     arguments, ros_arguments = parser.parse_known_args(words)
+    if unknown := unknown_word(own_words(ros_arguments)):
+        print(f"{NAME}: {unknown}", file=sys.stderr)
+        return 2
     try:
         return _run(arguments, ros_arguments)
     except ImportError as error:

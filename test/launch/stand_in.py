@@ -22,6 +22,7 @@ def perform(value: Any, context: LaunchContext) -> Any:
 class LaunchContext:
     def __init__(self, **given: str) -> None:
         self.launch_configurations = dict(given)
+        self.is_shutdown = False
 
 
 class LaunchDescriptionEntity:
@@ -33,6 +34,13 @@ class ProcessIO:
     """Something that a process printed."""
 
     text: bytes
+
+
+@dataclass
+class ProcessExited:
+    """A process that has ended."""
+
+    returncode: int
 
 
 class LaunchDescription:
@@ -163,7 +171,7 @@ MODULES = {
     "launch.conditions": [IfCondition],
     "launch.event_handlers": [OnProcessIO],
     "launch.events": [],
-    "launch.events.process": [ProcessIO],
+    "launch.events.process": [ProcessExited, ProcessIO],
     "launch.substitutions": [LaunchConfiguration, PathJoinSubstitution],
     "launch_ros": [],
     "launch_ros.actions": [Node],
@@ -238,6 +246,7 @@ class Started:
         command: The words of another command, or the arguments of a node.
         files: Parameter files of a node.
         parameters: Parameters of a node by name.
+        ended: Function that does what the launch does when the process ends with a status.
         ends_all: The launch ends with it.
     """
 
@@ -252,4 +261,5 @@ class Started:
         self.files = [one for one in given if isinstance(one, str)]
         tables = [one for one in given if isinstance(one, dict)]
         self.parameters = {name: perform(value, context) for table in tables for name, value in table.items()}
-        self.ends_all = isinstance(action.on_exit, Shutdown)
+        self.ended = lambda status: action.on_exit(ProcessExited(status), context) if action.on_exit else None
+        self.ends_all = isinstance((self.ended(0) or [None])[0], Shutdown)

@@ -92,19 +92,44 @@ def test_the_files_that_are_named_are_shipped(launch, name):
                 assert (ROOT / "ldcs_ros" / word.removeprefix("SHARE(ldcs_ros)/")).is_file()
 
 
-def test_only_what_was_given_reaches_the_node_and_before_its_file(launch):
+def test_only_what_was_given_reaches_the_node_and_before_its_file(launch, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("{}")
     (twin,) = launch("sim.launch.py").started
     assert (twin.parameters, twin.files, twin.namespace) == ({}, [], "/ldcs")
     given = {
         "scene": "rig",
         "duration": "2",
         "publish_clock": "true",
-        "params_file": "mine.yaml",
+        "params_file": str(file),
         "namespace": "/left",
     }
     (twin,) = launch("sim.launch.py", **given).started
     assert twin.parameters == {"scene": "rig", "duration": 2.0, "publish_clock": True}
-    assert twin.files == ["mine.yaml"] and twin.namespace == "/left" and twin.ends_all
+    assert twin.files == [str(file)] and twin.namespace == "/left" and twin.ends_all
+
+
+def test_a_parameter_file_that_is_missing_ends_the_launch(launch):
+    for name in ("sim.launch.py", "record.launch.py", "rig.launch.py"):
+        with pytest.raises((FileNotFoundError, RuntimeError), match="absent.yaml"):
+            launch(name, params_file="absent.yaml", rig="valve_island")
+
+
+def test_a_process_that_fails_fails_the_launch(launch):
+    recorder, twin = launch("record.launch.py", record="out/mine", graph="out/graph").started
+    for started in (recorder, twin):
+        with pytest.raises(RuntimeError, match="has ended with status 2"):
+            started.ended(2)
+    assert twin.ends_all and not recorder.ends_all
+    (player,) = launch("view.launch.py", rviz="false", bag="out/x").started
+    with pytest.raises(RuntimeError, match="ros2 bag play has ended with status 1"):
+        player.ended(1)
+
+
+def test_a_process_that_a_ctrl_c_ended_is_no_failure(launch):
+    launched = launch("record.launch.py", record="out/mine", graph="out/graph")
+    launched.context.is_shutdown = True
+    assert all(not isinstance(started.ended(-2), Exception) for started in launched.started)
 
 
 def test_record_records_without_being_told_where(launch):

@@ -33,13 +33,13 @@ def keeper(tmp_path):
 def test_each_scene_and_each_reset_has_a_bag_that_says_what_it_is_of(keeper, tmp_path):
     kept, twin = keeper
     twin.advance_to(0.1)
-    kept.start_over(twin)
+    kept.start_next(twin)
     twin.reset()
     twin.advance_to(0.1)
     other = Twin(load_scene("hanging_sheet"))
     kept.change_twin(twin, other)
     other.advance_to(0.1)
-    kept.start_over(other)
+    kept.start_next(other)
     other.reset()
     twin.advance_to(0.2)
     kept.close()

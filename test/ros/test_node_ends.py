@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Float64MultiArray
 
@@ -74,16 +77,26 @@ def test_bad_input_is_one_line_and_exit_2(start, parameters, named):
     assert "Traceback" not in node.output
 
 
-def test_a_bag_folder_that_exists_is_left_alone_and_the_twin_runs_on(start, tmp_path):
+def test_a_run_that_cannot_begin_its_recording_ends_at_once_with_status_2(start, tmp_path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "mine").write_text("keep")
-    node, user = start(scene="paper", record=tmp_path / "bag")
-    user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
-    health = user.diagnostics("recorder")
-    assert health["level"] == 2
-    assert "exists" in health["message"]
+    node, _ = start(with_user=False, scene="single_spring", record=tmp_path / "bag")
+    assert node.process.wait(30.0) == 2
+    assert "exists already" in node.output.strip().splitlines()[-1]
+    assert "Traceback" not in node.output
     assert (tmp_path / "bag" / "mine").read_text() == "keep"
-    assert node.stop(signal.SIGINT) == 0
+
+
+def test_a_node_whose_bag_is_removed_tells_it_saves_the_rest_and_ends_with_status_1(start, tmp_path):
+    node, user = start(scene="single_spring", record=tmp_path / "bag")
+    user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+    user.until(lambda: user.diagnostics("recorder")["message"] == "recording")
+    shutil.rmtree(tmp_path / "bag")
+    user.until(lambda: user.diagnostics("recorder")["level"] == 2)
+    assert "bag_rest1" in user.diagnostics("recorder")["message"]
+    assert node.stop(signal.SIGINT) == 1
+    assert messages(tmp_path / "bag_rest1")[NODES] > 5
+    assert "Traceback" not in node.output
 
 
 def test_a_silent_sender_is_vented_and_must_rearm(start):
@@ -142,3 +155,49 @@ def test_arguments_that_ros_refuses_are_one_line_and_exit_2(tmp_path):
     assert result.returncode == 2
     assert result.stderr.splitlines()[-1].startswith("sim: ")
     assert "Traceback" not in result.stderr
+
+
+def run_program(*words, domain="214"):
+    environment = {**os.environ, "ROS_DOMAIN_ID": domain}
+    command = [sys.executable, "-m", "ldcs_ros.ros", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=30, env=environment)
+
+
+@pytest.mark.parametrize("program", ["sim", "bridge", "mock_rig", "live_view"])
+def test_help_is_printed_and_nothing_is_started(program):
+    done = run_program(program, "--help")
+    assert done.returncode == 0 and not done.stderr
+    assert done.stdout.startswith(f"usage: {program}")
+    expected = {"sim": "publish_rate", "bridge": "rig", "mock_rig": "rig_file", "live_view": "--namespace"}
+    assert expected[program] in done.stdout
+
+
+@pytest.mark.parametrize("program", ["sim", "bridge", "mock_rig", "live_view"])
+@pytest.mark.parametrize(
+    ("word", "right"),
+    [("scene:=rig", "--ros-args -p scene:=rig"), ("__ns:=/a", "--ros-args -r __ns:=/a"), ("rig", "--help")],
+)
+def test_a_word_that_ros_would_drop_is_refused_with_the_right_form(program, word, right):
+    done = run_program(program, word)
+    assert done.returncode == 2
+    assert right in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_dumped_parameters_load_again_one_by_one(start):
+    from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+
+    node, user = start(
+        scene="single_spring", **{"qos_overrides./ldcs/nodes.publisher.reliability": "best_effort"}
+    )
+    base = "/ldcs/ldcs_sim"
+    names = user.call(f"{base}/list_parameters", ListParameters).result.names
+    assert "qos_overrides./ldcs/nodes.publisher.reliability" in names and "scene" in names
+    values = user.call(f"{base}/get_parameters", GetParameters, GetParameters.Request(names=names)).values
+    parameters = [ParameterMessage(name=name, value=value) for name, value in zip(names, values, strict=True)]
+    request = SetParameters.Request(parameters=parameters)
+    results = user.call(f"{base}/set_parameters", SetParameters, request).results
+    assert [result.reason for result in results if not result.successful] == []
+    # One that cannot be set keeps none of the others from being set.
+    first, second, third = user.set_parameters(seed=5.0, wrench_timeout=2.5, scene="paper").results
+    assert (first.successful, second.successful, third.successful) == (False, True, False)
+    assert first.reason and "scene" in third.reason

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
-from launch import LaunchContext
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch import LaunchContext, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -107,16 +109,47 @@ def node(
         values: Parameters by name, which come before those of the file.
         file: Argument that holds the path of a parameter file; '' for none.
         options: Further options of the node, such as its namespace.
+
+    Raises:
+        FileNotFoundError: There is no such parameter file; ROS would start the node with its defaults.
     """
     path = context.launch_configurations.get(file, "")
+    if path and not os.path.isfile(path):
+        raise FileNotFoundError(f"got {file}:={path}, expected a parameter file (YAML)")
     return Node(
         package=PACKAGE,
         executable=executable,
         parameters=[*([path] if path else []), dict(values)],
         output="screen",
-        on_exit=Shutdown(reason=f"{executable} has ended"),
+        on_exit=ending(executable),
         **options,
     )
+
+
+def process(command: list[Any]) -> ExecuteProcess:
+    """Return another command; when it fails, the launch fails with it."""
+    return ExecuteProcess(
+        cmd=command, output="screen", on_exit=ending(" ".join(map(str, command[:3])), always=False)
+    )
+
+
+def ending(
+    name: str, *, always: bool = True
+) -> Callable[[ProcessExited, LaunchContext], list[LaunchDescriptionEntity] | None]:
+    """Return what ends a launch with a process: with status 0 after a clean end, with a failure status else.
+
+    Args:
+        name: Name of the process in messages.
+        always: End the launch also after a clean end.
+    """
+
+    def end(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity] | None:
+        if event.returncode and not context.is_shutdown:
+            # The only way in which a launch file gives `ros2 launch` a status that is not 0.
+            raise RuntimeError(f"{name} has ended with status {event.returncode}")
+        return [Shutdown(reason=f"{name} has ended")] if always else None
+
+    return end
 
 
 def _shown(value: Any) -> str:

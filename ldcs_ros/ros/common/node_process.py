@@ -9,9 +9,12 @@ import threading
 import traceback
 from collections.abc import Callable, Mapping
 from types import FrameType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ldcs_ros.errors import LdcsError
+
+if TYPE_CHECKING:
+    from ldcs_ros.ros.common.parameters import NodeParameter
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 """Ctrl-C, an orderly end, a closed terminal, Ctrl-\\: each ends the node in order."""
@@ -91,20 +94,70 @@ class Stoppable(Protocol):
         """Leave the graph."""
 
 
-def run(name: str, load: Callable[[], Callable[[], Any]], arguments: list[str] | None) -> int:
-    """Run a node until it has finished, Ctrl-C or SIGTERM; return the exit status.
+def own_words(arguments: list[str]) -> list[str]:
+    """Return the words that are not for ROS: those outside of `--ros-args ... --`."""
+    own, for_ros = [], False
+    for word in arguments:
+        if word in ("--ros-args", "--"):
+            for_ros = word == "--ros-args"
+        elif not for_ros:
+            own.append(word)
+    return own
+
+
+def unknown_word(words: list[str]) -> str:
+    """Return why the first of some words cannot be used; '' without words. ROS would drop them without a word."""
+    if not words:
+        return ""
+    name, assigned, value = words[0].partition(":=")
+    if assigned:
+        form = "-r" if name.startswith("__") else "-p"
+        return f"got {words[0]!r}, expected --ros-args {form} {name}:={value}"
+    return f"got {words[0]!r}, expected --help, or --ros-args with -p NAME:=VALUE or --params-file FILE"
+
+
+def help_text(name: str, parameters: Mapping[str, NodeParameter]) -> str:
+    """Return usage and parameters of a node."""
+    lines = [
+        f"usage: {name} [--help] [--ros-args [-p NAME:=VALUE ...] [--params-file FILE] [-r __ns:=NAMESPACE]]",
+        "",
+        "parameters:",
+    ]
+    for parameter in parameters.values():
+        default = (
+            str(parameter.default).lower() if isinstance(parameter.default, bool) else repr(parameter.default)
+        )
+        lines.append(f"  {parameter.name} (default {default})\n      {parameter.description}")
+    return "\n".join(lines)
+
+
+def run(
+    name: str,
+    load: Callable[[], Callable[[], Any]],
+    arguments: list[str] | None,
+    parameters: Callable[[], Mapping[str, NodeParameter]],
+) -> int:
+    """Run a node until it has finished, Ctrl-C or SIGTERM; return the exit status. `--help` starts nothing.
 
     Args:
         name: What errors are prefixed with.
         load: Imports what the node needs and returns what makes it.
         arguments: Arguments for ROS; None for those of the process.
+        parameters: Imports and returns the parameters of the node, for the help.
 
     Returns:
         0 after a clean end, also by a signal; 1 when the node failed; 2 for input that cannot be used.
     """
     signals = StopSignals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
+    words = own_words(sys.argv[1:] if arguments is None else arguments)
     try:
+        if "--help" in words or "-h" in words:
+            print(help_text(name, parameters()))
+            return 0
+        if unknown := unknown_word(words):
+            print(f"{name}: {unknown}", file=sys.stderr)
+            return 2
         return _run(name, load, arguments, signals)
     finally:
         signals.ignore()

@@ -1,4 +1,4 @@
-"""Parameters of a node as data, and services that set a whole request or refuse it."""
+"""Parameters of a node as data, and services that set them."""
 
 from __future__ import annotations
 
@@ -102,16 +102,17 @@ def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
     return descriptor
 
 
-class WholeParameterService(ParameterService):
-    """rclpy's parameter services, except that one bad value in a list keeps all of them from being set.
+class OwnParameterService(ParameterService):
+    """rclpy's parameter services; a value that a parameter has already is accepted, also where it cannot change.
 
-    A request may hold anything, such as a type that does not exist; rclpy would end the process with it.
+    `set_parameters` answers value by value, `set_parameters_atomically` takes all or none. So `ros2 param load` takes
+    what `ros2 param dump` wrote. A request may hold a type that does not exist; rclpy would end the process with it.
     """
 
     def _set_parameters_callback(
         self, request: SetParameters.Request, response: SetParameters.Response
     ) -> SetParameters.Response:
-        response.results = [self._set(request.parameters)] * len(request.parameters)
+        response.results = [self._set([one]) for one in request.parameters]
         return response
 
     def _set_parameters_atomically_callback(
@@ -122,7 +123,21 @@ class WholeParameterService(ParameterService):
 
     def _set(self, messages: Iterable[ParameterMessage]) -> SetParametersResult:
         try:
-            changes = [Parameter.from_parameter_msg(one) for one in messages]
-            return self._get_node().set_parameters_atomically(changes)
+            node = self._get_node()
+            changes = [
+                change
+                for change in map(Parameter.from_parameter_msg, messages)
+                if not _is_unchanged(node, change)
+            ]
+            if not changes:
+                return SetParametersResult(successful=True)
+            return node.set_parameters_atomically(changes)
         except (ParameterNotDeclaredException, ValueError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
+
+
+def _is_unchanged(node: Node, change: Parameter[Any]) -> bool:
+    if not node.has_parameter(change.name):
+        return False
+    present = node.get_parameter(change.name)
+    return present.type_ == change.type_ and present.value == change.value

@@ -34,6 +34,11 @@ SIM_SERVICES = (
         "~/rearm", _TRIGGER, "commands for the arms are accepted again after the watchdog has tripped"
     ),
     ServiceEntry(
+        "~/advance",
+        "ldcs_msgs/srv/Advance",
+        "lock-step: applies a command, advances by a duration, returns the state; only while paused",
+    ),
+    ServiceEntry(
         "~/apply_wrench",
         "ldcs_msgs/srv/ApplyWrench",
         "a wrench at a point for a while, with a ramp up and down",

@@ -29,7 +29,7 @@ from ldcs_ros.rig.rig_file import RigFile, load_rig
 from ldcs_ros.rig.topic_link import TopicLink
 from ldcs_ros.rig.vent import vent_rig
 from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameters import WholeParameterService, declare
+from ldcs_ros.ros.common.parameters import OwnParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
 from ldcs_ros.ros.common.transport import TopicTransport
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
@@ -62,7 +62,7 @@ class RigBridge(Node):
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
         for validation_error in declare(self, BRIDGE_PARAMETERS):
             self.get_logger().warning(validation_error)
-        self._whole_parameters = WholeParameterService(self)
+        self._whole_parameters = OwnParameterService(self)
         self.finished = threading.Event()
         self._stopping = threading.Event()
         self.failure = ""

@@ -24,7 +24,7 @@ from ldcs_ros.mock_rig.serial_port import SerialPort
 from ldcs_ros.mock_rig.stand import Speaker, Stand
 from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameters import WholeParameterService, declare
+from ldcs_ros.ros.common.parameters import OwnParameterService, declare
 from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
 
 NODE_NAME = "mock_rig"
@@ -52,7 +52,7 @@ class StandInRig(Node):
         super().__init__(NODE_NAME, start_parameter_services=False)
         for validation_error in declare(self, MOCK_RIG_PARAMETERS):
             self.get_logger().warning(validation_error)
-        self._whole_parameters = WholeParameterService(self)
+        self._whole_parameters = OwnParameterService(self)
         self.finished = threading.Event()
         self.failure = ""
         self._publishers_by_topic: dict[str, Any] = {}

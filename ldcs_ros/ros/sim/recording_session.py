@@ -1,4 +1,4 @@
-"""The bag of a live run: begun, begun over, and its trouble told once; a run goes on without one."""
+"""The bag of a live run: begun, begun over, and its trouble told once; a run goes on when one is lost."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ class RecordingSession:
 
     Attributes:
         recorder: What records, if anything does.
-        error: Why nothing is recorded although it was asked for; '' otherwise.
+        error: Why nothing or not all is recorded although it was asked for; '' otherwise.
+        failure: The first such error of all recordings; '' while there was none.
     """
 
     def __init__(self, logger: Any) -> None:
         self._logger = logger
         self.recorder: Recorder | None = None
         self.error = ""
+        self.failure = ""
 
     def start(self, folder: str, twin: Twin, namespace: str) -> None:
-        """Record a twin into a bag folder; '' for no bag."""
+        """Record a twin into a bag folder; '' for no bag.
+
+        Raises:
+            RecordingError: The recording cannot begin.
+        """
         self.error = ""
-        if not folder:
-            return
-        try:
+        if folder:
             self.recorder = Recorder(folder, twin, namespace=namespace)
             twin.sinks.append(self.recorder)
             self._logger.info(f"recording to {folder}")
-        except RecordingError as error:
-            self.error = str(error)
-            self._logger.error(f"not recording: {error}")
 
     def watch(self) -> None:
         """Tell that the disk ended the recording: once here, and `error` says it all along."""
         if self.recorder is not None and self.recorder.error is not None and not self.error:
-            self.error = self.recorder.error
-            self._logger.error(self.error)
+            self._report(self.recorder.error)
 
     def start_next(self, twin: Twin) -> None:
         """End the bag and begin the next one, as the twin goes back to its start."""
@@ -61,15 +61,21 @@ class RecordingSession:
         """End the bag."""
         if self.recorder is not None:
             self.recorder.close()
+            self.watch()
             self.recorder = None
 
     def _go_on(self, twin: Twin, begin: Callable[[Recorder], None]) -> None:
         if self.recorder is None:
             return
         try:
+            self.watch()
             begin(self.recorder)
             self.error = ""
         except RecordingError as error:
             twin.sinks.remove(self.recorder)
-            self.recorder, self.error = None, str(error)
-            self._logger.error(f"recording stopped: {error}")
+            self.recorder = None
+            self._report(f"recording stopped: {error}")
+
+    def _report(self, error: str) -> None:
+        self.error, self.failure = error, self.failure or error
+        self._logger.error(error)

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import DivergenceError
+from ldcs_ros.messages.cdr import nanoseconds
 from ldcs_ros.ros.common.refusals import InvalidStateError
 from ldcs_ros.ros.sim.pacing import PaceMeter, Pacer
 from ldcs_ros.twin.commands import Refusal
@@ -166,6 +167,30 @@ class Runner:
         if self.failure:
             raise InvalidStateError(f"{self.failure}; call reset")
         return self.twin.time
+
+    def advance_by(self, duration_ns: int, command: bytes | None) -> float:
+        """Apply an `arm_command` now, then advance by a duration [ns] while paused; on the runner's thread.
+
+        Nothing else acts in between, so that the same calls give the same states.
+
+        Returns:
+            The new time [s].
+
+        Raises:
+            InvalidStateError: The command was refused, the mode is another one, or the simulation cannot go on.
+        """
+        if self.mode is not RunMode.PAUSED:
+            raise InvalidStateError(
+                f"the simulation is {self.mode.value}; advance works while it is paused, call pause first"
+            )
+        twin = self.twin
+        if command is not None and (refusal := twin.receive("arm_command", command)):
+            raise InvalidStateError(refusal)
+        end = (nanoseconds(twin.time) + duration_ns) / 1e9
+        self._attempt(lambda: twin.advance_to(end))
+        if self.failure:
+            raise InvalidStateError(f"{self.failure}; call reset")
+        return twin.time
 
     def reset(self) -> None:
         """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError, LdcsError, SceneError
 from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
-from ldcs_ros.ros.common.parameters import WholeParameterService, declare
+from ldcs_ros.ros.common.parameters import OwnParameterService, declare
 from ldcs_ros.ros.common.qos import check_overrides
 from ldcs_ros.ros.common.refusals import InactiveNodeError, InvalidStateError
 from ldcs_ros.ros.common.transport import TopicTransport
@@ -27,7 +27,7 @@ from ldcs_ros.ros.sim.pacing import Pacer, tolerance
 from ldcs_ros.ros.sim.recording_session import RecordingSession
 from ldcs_ros.ros.sim.runner import PeriodicTask, Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.ros.sim.services import SceneService, Services, WrenchService
+from ldcs_ros.ros.sim.services import AdvanceService, SceneService, Services, WrenchService
 from ldcs_ros.ros.sim.status import StatusLine, health
 from ldcs_ros.scene.load import shipped_scenes
 from ldcs_ros.scene.scene import Scene
@@ -49,10 +49,8 @@ class SimulationNode(LifecycleNode):
 
     Attributes:
         finished: Set when the duration is over, or the node was shut down.
-        failure: Nothing ends this node in failure: trouble stops time, and is told.
     """
 
-    failure = ""
     # rclpy destroys a node that was refused before it had any.
     _simulator: SimulatorServices | None = None
 
@@ -62,7 +60,7 @@ class SimulationNode(LifecycleNode):
             self.get_logger().warning(validation_error)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._parameters_changed)
-        self._whole_parameters = WholeParameterService(self)
+        self._whole_parameters = OwnParameterService(self)
         self.finished = threading.Event()
         self._problem: LdcsError | None = None
         self._transport = TopicTransport(self)
@@ -168,6 +166,11 @@ class SimulationNode(LifecycleNode):
         self._transport.close()
 
     @property
+    def failure(self) -> str:
+        """Why the run ends with status 1: what was to be recorded is not; '' otherwise."""
+        return self._bag.failure
+
+    @property
     def runner(self) -> Runner | None:
         """What runs the twin; None while the node is unconfigured."""
         return self._runner
@@ -207,8 +210,9 @@ class SimulationNode(LifecycleNode):
     def _offer_own_services(self) -> None:
         if not installed()["ldcs_msgs"]:
             return
-        from ldcs_msgs.srv import ApplyWrench, LoadScene
+        from ldcs_msgs.srv import Advance, ApplyWrench, LoadScene
 
+        AdvanceService(self, Advance, self.active_runner)
         WrenchService(self, ApplyWrench, self.active_runner)
         SceneService(self, LoadScene, self._scenes, self._files)
 
