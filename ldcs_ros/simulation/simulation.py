@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as wall_clock
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
+from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.threads import one_thread
@@ -93,7 +94,13 @@ class Simulation:
         self.reset()
 
     def reset(self, state: State | None = None) -> None:
-        """Go back to the scene's start, or to a state that this simulation had, and go on from it to the bit."""
+        """Go back to the scene's start, or to a state that this simulation had, and go on from it to the bit.
+
+        The statistics go back too, but for the wall time.
+
+        Raises:
+            ValueError: The state is that of another scene or method; nothing changed.
+        """
         if state is not None:
             self._restore(state)
             return
@@ -185,8 +192,20 @@ class Simulation:
         arms = (2, -1) if self.model.n_angles else (0, 0)
         # A command that nobody has advanced past yet is waiting to act.
         waiting = self._seen != self.inputs.version
-        rhythm = (self._commanded, self._expected)
-        memory = (self._step, self._pace, self._held, waiting, self._next_command, rhythm)
+        checkpoint = Checkpoint(
+            self._origin(),
+            self._step,
+            self._pace,
+            self._held,
+            waiting,
+            self._next_command,
+            self._commanded,
+            self._expected,
+            self.inputs.snapshot(),
+            self.integrator.memory,
+            replace(self.integrator.counters),
+            self.statistics.error_estimate,
+        )
         return State(
             time=self.time,
             position=_read_only(motion.q[:n].reshape(-1, 3)),
@@ -194,7 +213,7 @@ class Simulation:
             link_angle=_read_only(motion.q[n:].reshape(arms)),
             link_rate=_read_only(motion.u[n:].reshape(arms)),
             pressure=_read_only(self.inputs.chamber_pressure(self.time)),
-            memory=(memory, self.inputs.snapshot(), self.integrator.memory),
+            memory=checkpoint,
         )
 
     @property
@@ -344,18 +363,40 @@ class Simulation:
             except CommandError as error:
                 raise SceneError(f"{error} @ inputs[{index}]") from error
 
+    def _origin(self) -> tuple[object, ...]:
+        scene = self.scene
+        return (
+            scene.lattice,
+            scene.points,
+            scene.effects,
+            scene.material,
+            scene.inputs,
+            self.integrator.name,
+        )
+
     def _restore(self, state: State) -> None:
-        if state.memory is None:
+        checkpoint = state.memory
+        if not isinstance(checkpoint, Checkpoint):
             raise ValueError(
                 "this state was not made by a simulation; reset() without it goes to the scene's start"
             )
-        memory, inputs, integrator = state.memory
-        self._step, self._pace, self._held, waiting, self._next_command, rhythm = memory
-        self._commanded, self._expected = rhythm
+        if checkpoint.origin != self._origin():
+            nodes, own = len(state.position), self.lattice.n_nodes
+            got = f"one of {nodes} nodes" if nodes != own else "one of another scene or integrator"
+            raise ValueError(
+                f"reset: got a state that this simulation did not have, {got}, expected one of its own scene "
+                f"({own} nodes, {self.integrator.name}); use start_from for a shape alone"
+            )
+        self._step, self._pace, self._held = checkpoint.step, checkpoint.pace, checkpoint.held
+        self._next_command = checkpoint.next_command
+        self._commanded, self._expected = checkpoint.last_command_time, checkpoint.next_command_time
         self.time = state.time
-        self.inputs.restore(inputs)
-        self._seen = -1 if waiting else self.inputs.version
-        self.integrator.recall(integrator)
+        self.inputs.restore(checkpoint.inputs)
+        self._seen = -1 if checkpoint.is_command_waiting else self.inputs.version
+        self.integrator.recall(checkpoint.integrator)
+        self.integrator.counters = replace(checkpoint.counters)
+        self.statistics.error_estimate = checkpoint.error_estimate
+        self._count(0.0)
 
     def _count(self, wall_time: float) -> None:
         counters = self.integrator.counters

@@ -1,0 +1,43 @@
+"""`Checkpoint`: all that a simulation needs beside positions and rates to go on to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ldcs_ros.integrators.base import Counters, Step
+from ldcs_ros.integrators.control import Pace
+from ldcs_ros.physics.inputs import HeldInputs
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A simulation's own part of a state; opaque to others.
+
+    Attributes:
+        origin: Lattice, points, effects, material, schedule and method of the simulation that made it.
+        step: The integration step under way.
+        pace: What the step control carries.
+        held: What is commanded during the step.
+        is_command_waiting: A command was given at this time and no step has begun with it.
+        next_command: Index of the next scheduled command.
+        last_command_time: Time of the last command [s].
+        next_command_time: Time at which the next command is expected [s].
+        inputs: Snapshot of the inputs.
+        integrator: Memory of the integrator.
+        counters: Cost of the run so far.
+        error_estimate: Largest estimated error of a node position so far [m].
+    """
+
+    origin: tuple[object, ...]
+    step: Step
+    pace: Pace
+    held: HeldInputs
+    is_command_waiting: bool
+    next_command: int
+    last_command_time: float
+    next_command_time: float
+    inputs: Any
+    integrator: Any
+    counters: Counters
+    error_estimate: float
