@@ -58,7 +58,7 @@ def test_hanging_sheet_comes_to_rest_at_the_energy_minimum():
 
     simulation = load_scene("hanging_sheet").build()
     simulation.settle()
-    model, q = simulation.model, simulation._motion().q
+    model, q = simulation.model, simulation.motion().q
     found = model.potential_energy(0.0, q)
 
     def energy(free):

@@ -33,7 +33,7 @@ def _simulation(scene, nodes, **springs):
 def test_a_dissected_sheet_is_solved_like_a_band(monkeypatch, scene, nodes, springs):
     simulation = _simulation(scene, nodes, **springs)
     simulation.advance_to(0.05)
-    motion, held = simulation._motion(), simulation.inputs.held()
+    motion, held = simulation.motion(), simulation.inputs.held()
     right = np.random.default_rng(1).normal(size=len(simulation.model.free))
     solutions = []
     for size in (0, 10**9):

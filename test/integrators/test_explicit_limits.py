@@ -50,7 +50,7 @@ def dense_spectrum(model, motion, inputs):
 def test_the_fastest_mode_is_that_of_the_dense_matrix(scene):
     simulation = small(scene).build()
     simulation.advance_to(0.2)
-    held, motion = simulation.inputs.held(), simulation._motion()
+    held, motion = simulation.inputs.held(), simulation.motion()
     mode, _ = fastest_mode(simulation.model, motion, held)
     largest = np.abs(dense_spectrum(simulation.model, motion, held)).max()
     assert 0.995 * largest <= mode.spectral_radius <= 1.05 * largest
@@ -83,7 +83,7 @@ def test_steps_begin_to_grow_at_the_stability_limit(name, scene):
 @pytest.mark.parametrize(("name", "radius"), [("semi_implicit_euler", 2.0), ("rk4", 2.785)])
 def test_a_damped_sheet_has_the_limit_of_the_real_axis(name, radius):
     simulation = small("arc").build()
-    motion, held = simulation._motion(), simulation.inputs.held()
+    motion, held = simulation.motion(), simulation.inputs.held()
     rho = np.abs(dense_spectrum(simulation.model, motion, held)).max()
     limit = integrator_class(name)(simulation.model).stability_limit(motion, held)
     assert limit == pytest.approx(radius / rho, rel=0.03) and limit <= radius / rho * 1.002
@@ -107,7 +107,7 @@ def test_a_limit_that_falls_during_a_run_ends_it_instead_of_giving_rubbish(name)
         {"type": "floor", "height": -0.006, "stiffness": 1e8},
     ]
     free = load_scene(content).build()
-    limit = integrator_class(name)(free.model).stability_limit(free._motion(), free.inputs.held())
+    limit = integrator_class(name)(free.model).stability_limit(free.motion(), free.inputs.held())
     content["solver"] = {"integrator": name, "dt": 0.9 * limit}
     simulation = load_scene(content).build()
     with pytest.raises(DivergenceError, match="stability limit|grows"):
@@ -123,7 +123,7 @@ def test_adaptive_steps_above_the_limit_are_divided_into_stable_parts(name):
     for twin in (reference, simulation):
         twin.advance_to(0.1)
     assert np.abs(simulation.state.position - reference.state.position).max() < 1e-4
-    limit = simulation.integrator.stability_limit(simulation._motion(), simulation.inputs.held())
+    limit = simulation.integrator.stability_limit(simulation.motion(), simulation.inputs.held())
     assert simulation.statistics.steps < 0.5 * 0.1 / limit
 
 
@@ -143,7 +143,7 @@ def test_rkc_is_of_second_order_for_any_number_of_stages():
 def test_rkc_refuses_steps_where_hardly_damped_modes_would_grow():
     simulation = load_scene("single_spring").build()
     method = integrator_class("rkc2")(simulation.model)
-    motion = simulation._motion()
+    motion = simulation.motion()
     limit = method.stability_limit(motion, NO_INPUTS)
     assert 0.01 < limit < 0.2
     with pytest.raises(StepFailure, match="stability limit"):

@@ -15,7 +15,7 @@ def test_a_solve_inverts_the_dense_symmetric_matrix(scene):
     simulation = load_scene(scene).build()
     simulation.advance_to(0.05)
     model, held, h = simulation.model, simulation.inputs.held(), 0.01
-    state = simulation._motion()
+    state = simulation.motion()
     by_position, by_rate = model.jacobian(state.time, state.q, state.u, held, definite=False)
     rows, columns = model.entries
     used = (rows >= 0) & (columns >= 0)

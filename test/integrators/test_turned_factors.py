@@ -23,7 +23,7 @@ def _moving(scene, nodes=None, **springs):
 
 def _contraction(simulation, factors):
     """Return the spectral radius of 1 - W~^-1 W by power iteration, W from the exact Jacobian."""
-    model, motion = simulation.model, simulation._motion()
+    model, motion = simulation.model, simulation.motion()
     values = model.jacobian(motion.time, motion.q, motion.u, simulation.inputs.held(), definite=False)
     rows, columns = model.entries
     used = (rows >= 0) & (columns >= 0)
@@ -56,7 +56,7 @@ def test_how_fast_they_contract_does_not_depend_on_the_lattice():
 
 
 def _fresh_contraction(simulation):
-    motion, held = simulation._motion(), simulation.inputs.held()
+    motion, held = simulation.motion(), simulation.inputs.held()
     where = motion.time, motion.q, motion.u, held, RATE_STEP
     system = LinearSystem(simulation.model)
     return _contraction(simulation, system.turn(system.factor(*where, turning=True), *where))
@@ -64,7 +64,7 @@ def _fresh_contraction(simulation):
 
 def test_factors_of_another_step_are_scaled():
     simulation = _moving("arc", [9, 9])
-    motion, held = simulation._motion(), simulation.inputs.held()
+    motion, held = simulation.motion(), simulation.inputs.held()
     system = LinearSystem(simulation.model)
     old = system.factor(motion.time, motion.q, motion.u, held, RATE_STEP / 1.3, turning=True)
     assert _contraction(simulation, system.turn(old, motion.time, motion.q, motion.u, held, RATE_STEP)) < 0.35
