@@ -23,3 +23,4 @@ compile setup.py requirements/core.lock --extra dev --extra rig --constraint req
 compile requirements/ros.in requirements/ros.lock --constraint requirements/core.lock
 compile requirements/view.in requirements/view.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/colcon.in requirements/colcon.lock --constraint requirements/core.lock --constraint requirements/ros.lock
+compile requirements/coverage.in requirements/coverage.lock --constraint requirements/core.lock
