@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 
@@ -10,6 +11,7 @@ JUMP = 0.15
 _WINDOW = 30.0
 _ROUND_TRIPS = 200
 _SMOOTHING = 0.05
+_ANSWER_LIFETIME = 1.0  # s
 _FASTEST_DRIFT = 1e-3  # s per second: what two clocks part by more than this is latency
 
 
@@ -20,8 +22,8 @@ class ClockEstimate:
     stamp over the last messages is taken as the offset, and what a message took longer as its latency. The offset
     rises no faster than clocks drift: readings that come later and later are old, not the clock slow. Where
     the bridge asked and the rig answered with a stamp, half of the shortest round trip tells them apart
-    (Cristian 1989). A clock jump is a stamp further back than the one before, twice in a row, or an arrival
-    long before its time.
+    (Cristian 1989). A clock jump is a stamp further back than the one before, twice in a row for messages that
+    only come in, or an arrival long before its time.
 
     Attributes:
         offset: Bridge's clock minus the rig's [s]; None while no stamp came.
@@ -41,6 +43,8 @@ class ClockEstimate:
         self._round_trips: deque[tuple[float, float]] = deque(maxlen=_ROUND_TRIPS)
         self._offset_time = 0.0
         self._last_stamp: float | None = None
+        self._last_answer: float | None = None
+        self._answered_at = -math.inf
         self._behind = 0
         self._lock = threading.Lock()  # a link's thread and the bridge's both report
 
@@ -48,15 +52,16 @@ class ClockEstimate:
         """Take the rig's stamp [s] of a message that came at `received` [s]; False if it cannot be trusted yet."""
         difference = received - stamp
         with self._lock:
-            if self._jumped(stamp, difference):
+            # Answers to questions tell jumps from lateness better; readings only may while nothing is asked.
+            asked = received - self._answered_at < _ANSWER_LIFETIME
+            if not asked and self._jumped(stamp, difference):
                 return False
             smallest = self._smallest.take(received, difference)
             if self.offset is None:
                 self.offset = smallest
             elif not self._round_trips:
-                drift = _FASTEST_DRIFT * max(received - self._offset_time, 0.0)
-                self.offset = min(smallest, self.offset + drift)
-            self._offset_time = received
+                self.offset = self._slowed(smallest, received)
+            self._offset_time = max(self._offset_time, received)
             self._count_latency(difference - self.offset)
         return True
 
@@ -65,12 +70,20 @@ class ClockEstimate:
         duration, offset = received - sent, 0.5 * (sent + received) - stamp
         with self._lock:
             believed = self.offset if self._round_trips else None
-            if believed is not None and abs(offset - believed) > JUMP + 0.5 * duration:
-                self._restart(believed - offset)
+            if believed is not None:
+                ahead = offset < believed - JUMP - 0.5 * duration
+                behind = self._last_answer is not None and stamp < self._last_answer - JUMP
+                if ahead or behind:
+                    self._restart(believed - offset)
+                    believed = None
             self._round_trips.append((duration, offset))
-            self.offset = min(self._round_trips)[1]
-            self._last_stamp = stamp
-            self._count_latency(0.5 * duration)
+            best = min(self._round_trips)[1]
+            # An answer whose stamp is later and later is old: a clock does not slow down that much.
+            self.offset = best if believed is None else self._slowed(best, received)
+            self._offset_time = max(self._offset_time, received)
+            self._last_answer, self._answered_at = stamp, received
+            self._last_stamp = None
+            self._count_latency(received - stamp - self.offset)
 
     def local(self, stamp: float) -> float:
         """Return a stamp of the rig on the bridge's clock [s].
@@ -108,7 +121,12 @@ class ClockEstimate:
         self.offset = None
         self._smallest = _SlidingMinimum()
         self._round_trips.clear()
-        self._last_stamp = None
+        self._last_stamp = self._last_answer = None
+
+    def _slowed(self, offset: float, received: float) -> float:
+        """Return an offset that rises no faster than clocks drift."""
+        assert self.offset is not None
+        return min(offset, self.offset + _FASTEST_DRIFT * max(received - self._offset_time, 0.0))
 
     def _count_latency(self, latency: float) -> None:
         latency = max(latency, 0.0)
