@@ -1,0 +1,1 @@
+"""Compiled kernels that serve all effects of a scene together."""

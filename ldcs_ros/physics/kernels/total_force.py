@@ -1,0 +1,278 @@
+"""The force of all effects of a scene in one compiled call, springs in structure-of-arrays form.
+
+A family is all springs of one offset between node indices: one contiguous loop without branches serves it, and springs
+that the offset would wrap around an edge have no stiffness and no damping. Tables of effects that the scene does not
+name are empty.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ldcs_ros.physics import arm
+from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled, compiled_fast
+from ldcs_ros.physics.contact import PlaneContact
+from ldcs_ros.physics.effects.arms import ArmsTerm
+from ldcs_ros.physics.effects.drag import DragTerm
+from ldcs_ros.physics.effects.force import ForceTerm
+from ldcs_ros.physics.effects.gravity import GravityTerm
+from ldcs_ros.physics.effects.springs import AxialTerm
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldInputs
+from ldcs_ros.physics.model import Model
+
+# Effects whose force is in the tables, is constant, or is handed over for each step.
+SERVED = (
+    "springs",
+    "gravity",
+    "force",
+    "arms",
+    "support",
+    "floor",
+    "drag",
+    "payload",
+    "clamp",
+    "driven_edges",
+    "wrench",
+)
+# A lattice without holes has 13; node numbers that a hole shifts would give ever more.
+MOST_FAMILIES = 32
+# Rows of the scratch array: positions, rates, forces, and a family's forces, three axes each.
+SCRATCH_ROWS = 12
+
+
+class ForceTables(NamedTuple):
+    """What the kernel needs of the effects.
+
+    Attributes:
+        family: Offset, first near node and one after the last near node of each family, shape (3, n_families).
+        spring: k [N/m], k times rest length [N] and c [N s/m] by near node, shape (3, n_families, n_nodes).
+        drag: Force of a node by its squared speed [N s^2/m^2], shape (n_nodes,), or (0,) without drag.
+        contact_at: Vertical coordinate of each contact, shape (n_contacts,).
+        contact: Height [m], stiffness [N/m], damping [s/m], onset [m], shape (4, n_contacts).
+        joint: Link length [m], joint stiffness [N m/rad], joint damping [N m s/rad], shape (3, n_links).
+        arm: Link mass [kg], link inertia [kg m^2], coupling stiffness [N/m] and damping [N s/m], base (x, z) [m],
+            gravity [m/s^2], shape (9,).
+        coupling_at: Arm, station and the two nodes of each coupling, shape (4, n_couplings).
+        coupling: Offset from the backbone [m], y of the row [m] and the weights of both nodes, shape (4, n_couplings).
+        crosspiece: Weight of each link's angle in a crosspiece's angle, shape (n_links + 1, n_links).
+    """
+
+    family: np.ndarray
+    spring: np.ndarray
+    drag: np.ndarray
+    contact_at: np.ndarray
+    contact: np.ndarray
+    joint: np.ndarray
+    arm: np.ndarray
+    coupling_at: np.ndarray
+    coupling: np.ndarray
+    crosspiece: np.ndarray
+
+
+@compiled_fast
+def _add_family(x, v, f, pull, offset, begin, end, k, pretension, c):  # type: ignore[no-untyped-def]
+    # Slices of one length, so that no index can be negative: the compiler then uses vector registers.
+    ax, ay, az = x[0, begin:end], x[1, begin:end], x[2, begin:end]
+    avx, avy, avz = v[0, begin:end], v[1, begin:end], v[2, begin:end]
+    begin_far, end_far = begin + offset, end + offset
+    bx, by, bz = x[0, begin_far:end_far], x[1, begin_far:end_far], x[2, begin_far:end_far]
+    bvx, bvy, bvz = v[0, begin_far:end_far], v[1, begin_far:end_far], v[2, begin_far:end_far]
+    px, py, pz = pull[0], pull[1], pull[2]
+    k, pretension, c = k[begin:end], pretension[begin:end], c[begin:end]
+    for e in range(ax.size):
+        dx, dy, dz = bx[e] - ax[e], by[e] - ay[e], bz[e] - az[e]
+        inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+        rate = dx * (bvx[e] - avx[e]) + dy * (bvy[e] - avy[e]) + dz * (bvz[e] - avz[e])
+        tension = k[e] - pretension[e] * inverse + c[e] * rate * inverse * inverse
+        px[e], py[e], pz[e] = tension * dx, tension * dy, tension * dz
+    for axis in range(3):
+        p, near, far = pull[axis], f[axis, begin:end], f[axis, begin_far:end_far]
+        for e in range(near.size):
+            near[e] += p[e]
+        for e in range(far.size):
+            far[e] -= p[e]
+
+
+@compiled
+def _add_contact(q, u, at, contact, force):  # type: ignore[no-untyped-def]
+    # The law of `PlaneContact`.
+    for c in range(at.size):
+        depth, onset = contact[0, c] - q[at[c]], contact[3, c]
+        if depth > 0.0:
+            push = depth * depth / (2.0 * onset) if depth < onset else depth - 0.5 * onset
+            force[at[c]] += contact[1, c] * push * max(0.0, 1.0 - contact[2, c] * u[at[c]])
+
+
+@compiled
+def add_total_force(tables, drive, q, u, scratch, force):  # type: ignore[no-untyped-def]
+    """Add the force of all effects [N, N m] to `force`, which holds the constant ones.
+
+    Args:
+        tables: The effects' `ForceTables`.
+        drive: Drive torque of each joint [N m], shape (n_arms, n_links).
+        q: Coordinates [m, rad], shape (n_coordinates,).
+        u: Their rates, same shape.
+        scratch: Room for structures of arrays, shape (SCRATCH_ROWS, n_nodes).
+        force: Same shape as q.
+    """
+    n = scratch.shape[1]
+    x, v, f, pull = scratch[0:3], scratch[3:6], scratch[6:9], scratch[9:12]
+    for axis in range(3):
+        for e in range(n):
+            x[axis, e] = q[3 * e + axis]
+            v[axis, e] = u[3 * e + axis]
+            f[axis, e] = force[3 * e + axis]
+    for k in range(tables.family.shape[1]):
+        offset, begin, end = tables.family[0, k], tables.family[1, k], tables.family[2, k]
+        spring = tables.spring
+        _add_family(x, v, f, pull, offset, begin, end, spring[0, k], spring[1, k], spring[2, k])
+    for e in range(tables.drag.size):
+        factor = tables.drag[e] * math.sqrt(v[0, e] ** 2 + v[1, e] ** 2 + v[2, e] ** 2)
+        for axis in range(3):
+            f[axis, e] -= factor * v[axis, e]
+    for axis in range(3):
+        for e in range(n):
+            force[3 * e + axis] = f[axis, e]
+    _add_contact(q, u, tables.contact_at, tables.contact, force)
+    links = tables.joint.shape[1]
+    if links > 0:
+        first = 3 * n
+        phi, rate = q[first:].reshape(-1, links), u[first:].reshape(-1, links)
+        torque = force[first:].reshape(-1, links)
+        length, values = tables.joint[0], tables.arm
+        arm.add_chain_force(
+            phi, rate, values[0], length, values[6:9], tables.joint[1], tables.joint[2], drive, torque
+        )
+        arm.add_coupling_force(
+            q,
+            u,
+            phi,
+            rate,
+            values[4:6],
+            length,
+            tables.coupling_at[0],
+            tables.coupling_at[1],
+            tables.coupling[0],
+            tables.coupling[1],
+            tables.coupling_at[2:4].T,
+            tables.coupling[2:4].T,
+            tables.crosspiece,
+            values[2],
+            values[3],
+            force,
+            torque,
+        )
+
+
+class TotalForce:
+    """The kernel with the tables of one model.
+
+    Args:
+        model: A model for which `serves` is true.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.tables = _tables(model)
+        self.constant = np.zeros(model.n_coordinates)
+        rest, still = model.rest()
+        for term in model.terms:
+            if isinstance(term, (GravityTerm, ForceTerm)):
+                term.add_force(0.0, rest, still, NO_INPUTS, self.constant)
+        self.scratch = np.zeros((SCRATCH_ROWS, model.lattice.n_nodes))
+        self._no_drive = np.zeros((2, 0))
+
+    @staticmethod
+    def serves(model: Model) -> bool:
+        """Return whether the kernel knows all effects of a model."""
+        if not HAVE_NUMBA or any(term.name not in SERVED for term in model.terms):
+            return False
+        springs = [term for term in model.terms if term.name == "springs"]
+        return all(isinstance(term, AxialTerm) and len(_offsets(term)) <= MOST_FAMILIES for term in springs)
+
+    def drive(self, time: float, inputs: HeldInputs) -> np.ndarray:
+        """Return the drive torque of each joint [N m], shape (n_arms, n_links)."""
+        arms: Any = self.model.arms
+        return self._no_drive if arms is None else np.ascontiguousarray(arms.drive_torque(time, inputs))
+
+    def steady(self, inputs: HeldInputs) -> np.ndarray | None:
+        """Return the constant forces with the held wrenches, shape (n_coordinates,); None if a wrench turns."""
+        if not inputs.wrenches:
+            return self.constant
+        term: Any = self.model.wrench
+        if any(any(wrench.torque) or not term.frame(name)[1] for name, wrench in inputs.wrenches.items()):
+            return None
+        steady, (rest, still) = self.constant.copy(), self.model.rest()
+        term.add_force(0.0, rest, still, inputs, steady)
+        return steady
+
+    def __call__(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+        """Return the force on all coordinates [N, N m], shape (n_coordinates,).
+
+        Raises:
+            ValueError: A held wrench turns with the sheet.
+        """
+        steady = self.steady(inputs)
+        if steady is None:
+            raise ValueError(
+                "a held wrench turns with the sheet; the compiled force takes constant wrenches only"
+            )
+        force = steady.copy()
+        add_total_force(self.tables, self.drive(time, inputs), q, u, self.scratch, force)
+        return force
+
+
+def _offsets(term: AxialTerm) -> np.ndarray:
+    return np.unique(term.b - term.a)
+
+
+def _tables(model: Model) -> ForceTables:
+    n = model.lattice.n_nodes
+    family, spring, drag = np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, n)), np.zeros(0)
+    contact_at, contact = [np.zeros(0, dtype=np.int64)], [np.zeros((4, 0))]
+    joint, values, crosspiece = np.zeros((3, 0)), np.zeros(9), np.zeros((1, 0))
+    coupling_at, coupling = np.zeros((4, 0), dtype=np.int64), np.zeros((4, 0))
+    for term in model.terms:
+        if isinstance(term, AxialTerm):
+            family, spring = _families(term, n)
+        elif isinstance(term, DragTerm):
+            drag = term.scale
+        elif isinstance(term, PlaneContact):
+            contact_at.append(term.vertical)
+            row = np.array([term.height, term.stiffness, term.damping, term.onset])
+            contact.append(np.tile(row[:, None], len(term.vertical)))
+        elif isinstance(term, ArmsTerm):
+            arms = term.arms
+            arm_of, station, offset, row_y, nodes, weight, crosspiece, stiffness, damping = term.couplings
+            joint = np.stack([term.link_length, term.stiffness, term.damping])
+            values = np.array(
+                [arms.link_mass, arms.link_inertia, stiffness, damping, *term.base, *term.gravity]
+            )
+            coupling_at = np.stack([arm_of, station, *nodes.T])
+            coupling = np.stack([offset, row_y, *weight.T])
+    return ForceTables(
+        family,
+        spring,
+        drag,
+        np.concatenate(contact_at),
+        np.concatenate(contact, axis=1),
+        joint,
+        values,
+        coupling_at,
+        coupling,
+        crosspiece,
+    )
+
+
+def _families(term: AxialTerm, n: int) -> tuple[np.ndarray, np.ndarray]:
+    offsets = _offsets(term)
+    which = np.searchsorted(offsets, term.b - term.a)
+    spring = np.zeros((3, len(offsets), n))
+    for row, value in enumerate((term.k, term.k * term.rest_length, term.c)):
+        spring[row, which, term.a] = value
+    begin = [int(term.a[which == f].min()) for f in range(len(offsets))]
+    end = [int(term.a[which == f].max()) + 1 for f in range(len(offsets))]
+    return np.array([offsets, begin, end], dtype=np.int64), spring
