@@ -8,6 +8,7 @@ from ldcs_ros.integrators.base import Integrator
 
 INTEGRATORS: dict[str, str] = {
     "esdirk43": "ldcs_ros.integrators.esdirk43:Esdirk43",
+    "bdf2": "ldcs_ros.integrators.bdf2:Bdf2",
     "trbdf2": "ldcs_ros.integrators.trbdf2:TrBdf2",
     "rosenbrock_w": "ldcs_ros.integrators.rosenbrock_w:RosenbrockW",
     "linearly_implicit_euler": "ldcs_ros.integrators.linearly_implicit_euler:LinearlyImplicitEuler",

@@ -138,6 +138,10 @@ class Integrator:
         """
         raise NotImplementedError
 
+    def jump(self, motion: Motion, before: HeldInputs, after: HeldInputs) -> np.ndarray:
+        """Return the jump in acceleration [m/s^2] at a motion where commands change, shape (n_free,)."""
+        return self.model.command_jump(motion.time, motion.q, motion.u, before, after)
+
     def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
         """Return the part of a jump in acceleration [m/s^2] that lasts through the next step; here all of it."""
         return jump

@@ -132,13 +132,34 @@ class Model:
 
     def accelerate(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
         """Return the accelerations of the free coordinates, M^-1 f, shape (n_free,)."""
-        force = self.force(time, q, u, inputs)
+        return self._inverse_mass_times(q, self.force(time, q, u, inputs))
+
+    def _inverse_mass_times(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
         force[: self.n_free_nodes] /= self.mass
         blocks = self.inertia(q)
         if blocks is not None:
             angles = force[self.n_free_nodes :].reshape(len(blocks), -1, 1)
             force[self.n_free_nodes :] = np.linalg.solve(blocks, angles).ravel()
         return force
+
+    def force_jump(
+        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldInputs, after: HeldInputs
+    ) -> np.ndarray:
+        """Return the jump of the force on all coordinates where commands change [N, N m], shape (n_coordinates,)."""
+        jump = np.zeros(self.n_coordinates)
+        for term in self.terms:
+            if term.commanded:
+                term.add_command_jump(time, q, u, before, after, jump)
+        return jump
+
+    def command_jump(
+        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldInputs, after: HeldInputs
+    ) -> np.ndarray:
+        """Return the jump of the accelerations where commands change, M^-1 times that of the force, shape (n_free,)."""
+        jump = self.force_jump(time, q, u, before, after)
+        if not jump.any():
+            return np.zeros(len(self.free))
+        return self._inverse_mass_times(q, jump[self.free])
 
     def damping_rate(self, motion: Motion, inputs: HeldInputs) -> float:
         """Return the rate at which a motion's amplitude decays, dissipated power / (4 kinetic energy) [1/s].

@@ -333,9 +333,7 @@ class Simulation:
         motion, held = self.motion(), self.inputs.held()
         if motion.time != self.time:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
-        before = self.model.accelerate(self.time, motion.q, motion.u, self._held)
-        after = self.model.accelerate(self.time, motion.q, motion.u, held)
-        jump = after - before
+        jump = self.integrator.jump(motion, self._held, held)
         lasting = motion.a + self.integrator.soften(motion, jump)
         motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._seen = held, self.inputs.version

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
@@ -10,18 +11,26 @@ from threadpoolctl import ThreadpoolController
 
 
 @cache
-def _controller() -> Any:
+def _libraries() -> tuple[Any, ...]:
     # The controller finds the libraries that are loaded: SciPy brings a BLAS of its own beside NumPy's.
     import scipy.linalg  # noqa: F401
 
-    return ThreadpoolController().select(user_api="blas")
+    return tuple(ThreadpoolController().select(user_api="blas").lib_controllers)
 
 
-def one_thread() -> AbstractContextManager[Any]:
+@contextmanager
+def one_thread() -> Iterator[None]:
     """Return a context in which BLAS uses one thread.
 
     Two threads on the factors of a 9 x 9 lattice cost up to ten times more on a busy machine than one (they
     wait for each other), and their sums may round differently from run to run.
     """
-    limited: AbstractContextManager[Any] = _controller().limit(limits=1)
-    return limited
+    before = [(library, library.get_num_threads()) for library in _libraries()]
+    several = [(library, count) for library, count in before if count != 1]
+    for library, _ in several:
+        library.set_num_threads(1)
+    try:
+        yield
+    finally:
+        for library, count in several:
+            library.set_num_threads(count)

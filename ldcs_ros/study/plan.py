@@ -17,6 +17,7 @@ BASELINE_STEPS = (0.1, 0.05, 0.02, 0.01, 0.005)
 # Steps at which the methods show their order on the stiff sheet.
 ORDER_STEPS = {
     "esdirk43": (0.2, 0.1, 0.05, 0.02),
+    "bdf2": (0.005, 0.0025, 0.001),
     "trbdf2": (0.02, 0.01, 0.005),
     "rosenbrock_w": (0.01, 0.005, 0.0025),
     "linearly_implicit_euler": (0.02, 0.01),

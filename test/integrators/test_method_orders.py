@@ -15,6 +15,10 @@ TIGHT = 1e-13  # m: stages are solved to rounding, so that only the method's own
 WITHOUT_STEP_ERROR = ("exponential", "radau")
 # Their steps cannot be long enough on the sheet for an order to show; test_explicit_limits.py has their limits.
 LIMITED = ("rk4", "semi_implicit_euler")
+# It has a compiled form for axial springs only, and leaves the oscillator's law to the one-step method.
+WITHOUT_OSCILLATOR = ("bdf2",)
+# Shorter steps than others need before its order shows.
+SHORTER = {"bdf2": 4}
 # Stiff damping takes this from the order at steps of milliseconds (Rosenbrock-W methods with old matrices).
 REDUCTION = {"rosenbrock_w": 0.8}
 
@@ -43,7 +47,7 @@ def oscillator(time: float) -> float:
     return mass * g / k * (1.0 - np.exp(-decay * time) * swing)
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("name", [name for name in INTEGRATORS if name not in WITHOUT_OSCILLATOR])
 def test_the_stated_order_is_the_measured_one_on_a_damped_oscillator(name):
     model = load_scene("single_spring").build().model
     end = 0.08  # s: between an extremum and a zero, where neither phase nor amplitude errors hide
@@ -70,6 +74,7 @@ def test_stiff_damping_costs_no_order_on_the_sheet(name):
     # The linear law's own method has rounding errors alone at steps that others need.
     linear = name == "exponential"
     span, counts = (0.8, np.array([1, 2, 4])) if linear else (0.2, np.array([8, 16, 32]))
+    counts = counts * SHORTER.get(name, 1)
     model = _sheet("axiswise" if linear else "axial")
     method = integrator_class(name)(model)
     start = method.start(0.0, *model.rest(), NO_INPUTS)

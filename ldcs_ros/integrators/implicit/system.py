@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ldcs_ros.integrators.implicit.banded import Band
-from ldcs_ros.integrators.implicit.nested_dissection import Dissection
+from ldcs_ros.integrators.implicit.banded import Band, BandFactors
+from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, BlockTridiagonal
+from ldcs_ros.integrators.implicit.nested_dissection import Dissection, DissectionFactors
 from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldInputs
 from ldcs_ros.physics.model import Model
 
+Storage = Band | BlockTridiagonal | Dissection
 # Number of free node coordinates from which the sheet is dissected: 33 x 33 nodes and more.
 DISSECTED_SIZE = 4000
 # A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
@@ -62,7 +64,7 @@ class Factors:
 
     def __init__(
         self,
-        storage: Band | Dissection,
+        storage: Storage,
         matrix: Bordered,
         rate_step: float,
         angles: np.ndarray,
@@ -93,6 +95,15 @@ class Factors:
         other._turns, other._scale = turns, scale
         return other
 
+    @property
+    def parts(
+        self,
+    ) -> tuple[BandFactors | BlockFactors | DissectionFactors, np.ndarray, np.ndarray, np.ndarray]:
+        """The nodes' factors, and border, its solution and the inverted corner, empty without arms."""
+        if len(self.angles):
+            return self._nodes, self._border, self._reach, self._corner
+        return self._nodes, np.zeros((self._n, 0)), np.zeros((self._n, 0)), np.zeros((0, 0))
+
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return W^-1 right for free coordinates, shape (n_free,)."""
         result = np.empty_like(right)
@@ -118,7 +129,8 @@ class LinearSystem:
     The matrix is made symmetric: an entry and its mirror share the mean.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, storage: type[Storage] | None = None) -> None:
+        """Args: model: what is solved for; storage: for the nodes' part, None for the one of the lattice's size."""
         self.model = model
         n = model.n_free_nodes
         rows, columns = model.entries
@@ -126,8 +138,9 @@ class LinearSystem:
         inner = used & (np.maximum(rows, columns) < n)
         share = np.where(rows == columns, 1.0, 0.5)
         self._inner, self._inner_share = np.flatnonzero(inner), share[inner]
-        storage = Dissection if n >= DISSECTED_SIZE and HAVE_NUMBA else Band
-        self._storage = storage(model, rows[inner], columns[inner])
+        if storage is None:
+            storage = Dissection if n >= DISSECTED_SIZE and HAVE_NUMBA else Band
+        self._storage: Storage = storage(model, rows[inner], columns[inner])
         self._order = self._storage.order
         self._columns = self._whole_columns(model)
         n_angles = model.n_free_angles
@@ -157,6 +170,16 @@ class LinearSystem:
         ):
             return None
         return node[::3] % (model.lattice.nodes[0] * model.lattice.nodes[1])
+
+    @property
+    def order(self) -> np.ndarray:
+        """Free coordinate at each place of the nodes' matrix, shape (n_free_nodes,)."""
+        return self._order
+
+    @property
+    def columns(self) -> np.ndarray | None:
+        """Column of each free node in that order, shape (n_free_nodes / 3,); None where nothing turns."""
+        return self._columns
 
     def factor(
         self,
@@ -233,10 +256,8 @@ class LinearSystem:
             inputs: What is commanded.
             rate_step: The h of the stage that they will serve [s].
         """
-        h, tau = factors.rate_step, self.model.relaxation_time
-        # W is M + h (tau + h) S, nearly. For another h its stiff directions are r times as stiff and its heavy ones as
-        # heavy as before: the mean of both converges in either.
-        scale = 2.0 / (1.0 + rate_step * (tau + rate_step) / (h * (tau + h))) if tau < np.inf else 1.0
+        tau = self.model.relaxation_time
+        scale = self.rescaling(factors, rate_step)
         turns = None
         if self._columns is not None:
             ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
@@ -244,9 +265,20 @@ class LinearSystem:
             fill_turns(self._frames(q), factors.frames, self._columns, left)
             fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
             turns = left, right
-        if np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN:
+        if self.links_turned(factors, q):
             factors = self._bordered(factors, time, q, u, inputs, turns)
         return factors.turned(turns, scale)
+
+    def rescaling(self, factors: Factors, rate_step: float) -> float:
+        """Return the factor on the solution where factors serve a stage of another h [s]."""
+        # W is M + h (tau + h) S, nearly. For another h its stiff directions are r times as stiff and its heavy ones as
+        # heavy as before: the mean of both converges in either.
+        h, tau = factors.rate_step, self.model.relaxation_time
+        return 2.0 / (1.0 + rate_step * (tau + rate_step) / (h * (tau + h))) if tau < np.inf else 1.0
+
+    def links_turned(self, factors: Factors, q: np.ndarray) -> bool:
+        """Return whether a link has turned so far since the factors' border that `turn` takes it anew."""
+        return bool(np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN)
 
     def _bordered(
         self,

@@ -188,6 +188,7 @@ class ArmsTerm(Term):
     """The two chains and their couplings; coordinates are the absolute link angles, left arm first."""
 
     name = Arms.name
+    commanded = True
     turns = True
 
     def __init__(self, assembly: Assembly, arms: Arms) -> None:
@@ -296,6 +297,20 @@ class ArmsTerm(Term):
             torque,
         )
         arm.add_coupling_force(q, u, phi, rate, self.base, self.link_length, *self.couplings, force, torque)
+
+    def add_command_jump(
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        before: HeldInputs,
+        after: HeldInputs,
+        force: np.ndarray,
+    ) -> None:
+        jump = self.drive_torque(time, after) - self.drive_torque(time, before)
+        torque = self.angles(force)
+        torque += jump
+        torque[:, :-1] -= jump[:, 1:]
 
     def energy(self, time: float, q: np.ndarray) -> float:
         phi = self.angles(q)

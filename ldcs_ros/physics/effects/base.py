@@ -78,6 +78,8 @@ class Term:
     has_energy: bool = True
     # Displacement over which its Jacobian changes altogether, as where contact sets in [m].
     onset: float = float("inf")
+    # Its force depends on what is commanded.
+    commanded: bool = False
     # Its forces turn with the sheet.
     turns: bool = False
     # Its dampers' coefficient over its stiffness, where it has just one [s].
@@ -98,6 +100,21 @@ class Term:
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
     ) -> None:
         """Add the effect's force [N, N m] to the flat vector `force`."""
+
+    def add_command_jump(
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        before: HeldInputs,
+        after: HeldInputs,
+        force: np.ndarray,
+    ) -> None:
+        """Add what a change of commands adds to the effect's force at that time; for effects that are `commanded`."""
+        jump = np.zeros_like(force)
+        self.add_force(time, q, u, before, jump)
+        force -= jump
+        self.add_force(time, q, u, after, force)
 
     def energy(self, time: float, q: np.ndarray) -> float:
         """Return the potential energy [J]; its gradient is minus the part of the force that depends on q alone."""

@@ -46,6 +46,7 @@ class WrenchTerm(Term):
     """
 
     name = WrenchInput.name
+    commanded = True
     has_energy = False
 
     def __init__(self, assembly: Assembly, effect: WrenchInput) -> None:
@@ -69,6 +70,8 @@ class WrenchTerm(Term):
     def add_force(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
     ) -> None:
+        if not inputs.wrenches:
+            return
         position = q[: 3 * self._lattice.n_nodes].reshape(-1, 3)
         for name, wrench in inputs.wrenches.items():
             point, _ = self.frame(name)
