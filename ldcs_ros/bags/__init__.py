@@ -1,4 +1,4 @@
-"""Recordings: written while a run goes on, read back from any ROS 2 bag, mended after a kill."""
+"""Recordings: written while a run goes on, read back from any ROS 2 bag, repaired after a kill."""
 
 from __future__ import annotations
 

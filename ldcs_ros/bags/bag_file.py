@@ -196,7 +196,7 @@ class BagFile:
         Args:
             information: What metadata.yaml says; carried in the file too.
         """
-        self.flush()  # the record must stand behind the last chunk, as readers of rosbag2 expect
+        self.flush()  # the record must follow the last chunk, as readers of rosbag2 expect
         self.add_metadata(SUMMARY_RECORD, {"serialized_metadata": dump(dict(information))})
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.flush()

@@ -55,7 +55,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
 
 
 class _Bag:
-    """Messages read anew from the files at each pass."""
+    """Messages read again from the files at each pass."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -108,8 +108,8 @@ def _check_whole(bag: Path) -> None:
         if not (bag / FILE_NAME).exists():
             if not files:
                 raise RecordingError(f"{bag} is no bag: it has no {FILE_NAME} and no .mcap or .db3 file")
-            mend = "ldcs recover" if files[0].suffix == ".mcap" else "ros2 bag reindex"
-            raise RecordingError(f"{bag} was not closed: it has no {FILE_NAME}; run `{mend} {bag}`")
+            repair = "ldcs recover" if files[0].suffix == ".mcap" else "ros2 bag reindex"
+            raise RecordingError(f"{bag} was not closed: it has no {FILE_NAME}; run `{repair} {bag}`")
     for file in files:
         if file.suffix == ".mcap":
             _check_marks(file, bag)

@@ -38,7 +38,7 @@ class Decoder(Protocol):
 
 
 class Source(Protocol):
-    """Where messages come from; bags read them anew each time, so that nothing need fit in memory."""
+    """A source of messages; a bag reads them again at each pass, so that they need not fit in memory."""
 
     @property
     def decoder(self) -> Decoder: ...

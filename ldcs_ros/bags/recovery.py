@@ -32,8 +32,8 @@ class RecoveryReport:
 
     Attributes:
         path: The bag.
-        rewritten: Names of the files that were mended; empty when all were sound.
-        metadata_written: Whether metadata.yaml was missing or wrong and was written anew.
+        rewritten: Names of the files that were repaired; empty when all were sound.
+        metadata_written: Whether metadata.yaml was missing or wrong and was written again.
         messages: Messages in the bag now.
         duration: Log time from its first to its last message [s].
         dropped: Bytes that could not be used [bytes].
@@ -71,7 +71,7 @@ def recover(
 
     Args:
         path: Bag folder, or one .mcap file (then no metadata.yaml is written).
-        progress: Called with the share of the work that is done, 0 to 1.
+        progress: Called with the fraction of the work that is done, 0 to 1.
 
     Raises:
         RecordingError: Nothing there, no MCAP bag, still being recorded, or no room for the new file.
@@ -84,12 +84,12 @@ def recover(
     try:
         metadata = _read_metadata(bag)
         files = _mcap_files(bag)
-        share = _Share(progress, 2 * sum(file.stat().st_size for file in files))
+        done_fraction = _DoneFraction(progress, 2 * sum(file.stat().st_size for file in files))
         for file in files:
             with _locked(file) as stream:
                 size = os.fstat(stream.fileno()).st_size
-                contents = read_contents(stream, size, share.at)
-                share.done += size
+                contents = read_contents(stream, size, done_fraction.at)
+                done_fraction.done += size
                 if contents.profile is None:
                     raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
                 if contents.profile != Profile.ROS2:
@@ -104,10 +104,10 @@ def recover(
                     contents.custom_data["recovered"] = (
                         f"{contents.counts.total()} messages kept, {contents.dropped} of {size} bytes dropped"
                     )
-                    summaries.append(_replace(file, stream, size, contents, share.at))
+                    summaries.append(_replace(file, stream, size, contents, done_fraction.at))
                     rewritten.append(file.name)
                     dropped += contents.dropped
-                share.done += size
+                done_fraction.done += size
                 whole.custom_data.update(contents.custom_data)
                 whole.ros_distro = whole.ros_distro or contents.ros_distro
         information = bag_information(summaries, whole.custom_data, ros_distro=whole.ros_distro)
@@ -132,8 +132,8 @@ def recover(
 
 
 @dataclass
-class _Share:
-    """Turns positions in files, each read up to twice, into the share of the work that is done."""
+class _DoneFraction:
+    """Turns positions in files, each read up to twice, into the fraction of the work that is done."""
 
     progress: Callable[[float], None] | None
     total: int

@@ -92,7 +92,7 @@ class Scan:
                 yield from self._chunk(body, whole)
             elif whole:
                 yield from self._record(opcode, body)
-            elif opcode == Opcode.MESSAGE or opcode in _READERS:  # a cut index is no loss: it is made anew
+            elif opcode == Opcode.MESSAGE or opcode in _READERS:  # a cut index is no loss: it is made again
                 self.dropped += len(head) + len(body)
 
     def _read(self, length: int) -> bytes:
@@ -139,7 +139,7 @@ class Scan:
             yield from self._record(opcode, data[used + _HEAD.size : end])
             used = end
         if not whole:
-            # of a cut chunk that was compressed, lost is the share of its text that came out but is no record
+            # of a cut chunk that was compressed, the part of its text that is no record counts as lost
             self.dropped += round(len(body) * (1 - used / len(data))) if data else len(body)
 
 

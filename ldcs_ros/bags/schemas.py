@@ -36,7 +36,7 @@ class Schema:
 
     Attributes:
         type: `package/msg/Name`.
-        text: The definition and, behind separators, the definitions of all types nested in it.
+        text: The definition and, after separators, the definitions of all types nested in it.
         type_hash: ROS 2 type hash, `RIHS01_...`.
     """
 

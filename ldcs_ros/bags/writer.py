@@ -221,7 +221,7 @@ class BagWriter:
         return channel
 
     def _run(self) -> None:
-        """The writing thread; whatever goes wrong ends in `error`, so that nobody waits for it forever."""
+        """The writing thread; any failure ends in `error`, so that no caller waits for it forever."""
         try:
             self._record()
             self._file.flush()

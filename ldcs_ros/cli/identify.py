@@ -77,8 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     fitted, unseen = read[: len(arguments.bags)], read[len(arguments.bags) :]
     with Progress(1.0, label="identify", unit="", quiet=arguments.json) as bar:
 
-        def tell(share: float, what: str) -> None:
-            bar.show(share)
+        def tell(fraction: float, what: str) -> None:
+            bar.show(fraction)
             bar.say(what)
 
         found = identify(
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
             starts=arguments.starts,
             seed=arguments.seed,
             processes=arguments.processes,
-            tell=tell,
+            progress=tell,
         )
     if arguments.output is not None:
         write_scene(arguments.output, scene_text(found, fitted, origin=scene.name))

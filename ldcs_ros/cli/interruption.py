@@ -12,7 +12,7 @@ class Interruption:
     """While entered, a first SIGINT or SIGTERM only sets `requested`; a second raises KeyboardInterrupt.
 
     Attributes:
-        requested: True once somebody asked the run to end.
+        requested: True once the run is asked to end.
     """
 
     def __init__(self) -> None:

@@ -35,7 +35,9 @@ VERBS: dict[str, Verb] = {
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
     "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),
-    "recover": Verb("ldcs_ros.cli.recover", "mend a bag that a killed process left"),
+    "recover": Verb(
+        "ldcs_ros.cli.recover", "repair a bag left incomplete by a crash, full disk or power loss"
+    ),
     "vent": Verb("ldcs_ros.cli.vent", "ramp a rig's set-points to zero, with a confirmed end"),
     "scenes": Verb("ldcs_ros.cli.scenes", "list the shipped scenes"),
     "effects": Verb("ldcs_ros.cli.effects", "list the physical effects and their parameters"),

@@ -28,7 +28,7 @@ class Progress:
     Args:
         total: Where the bar ends, in `unit`.
         label: What is going on.
-        unit: Unit of the progress, '' for a share.
+        unit: Unit of the progress, '' for a fraction.
         quiet: Show nothing.
     """
 
@@ -48,7 +48,7 @@ class Progress:
             self._bar.update(done - self._bar.n)
 
     def say(self, what: str) -> None:
-        """Write what is going on behind the bar's label."""
+        """Write the present task after the bar's label."""
         if self._bar is not None and what:
             self._bar.set_description(f"{self._label}: {what}")
 

@@ -6,9 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.overrides import apply_overrides
+
+if TYPE_CHECKING:
+    from ldcs_ros.scene.scene import Scene
 
 
 def add_set(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +44,7 @@ def given_mapping(arguments: argparse.Namespace) -> Any:
     return None if arguments.mapping is None else load_mapping(arguments.mapping)
 
 
-def scene_of(bag: Path, arguments: argparse.Namespace) -> Any:
+def scene_of(bag: Path, arguments: argparse.Namespace) -> Scene:
     """Return the scene of `--scene`, or else the one that a bag carries, with the changes of `--set`.
 
     Raises:
@@ -60,7 +63,7 @@ def scene_of(bag: Path, arguments: argparse.Namespace) -> Any:
     return changed_scene(scene, arguments.overrides)
 
 
-def scene_with(source: str, overrides: Sequence[str]) -> Any:
+def scene_with(source: str, overrides: Sequence[str]) -> Scene:
     """Return the scene of a shipped name or path with `path=value` changes, checked as a whole.
 
     Raises:
@@ -71,7 +74,7 @@ def scene_with(source: str, overrides: Sequence[str]) -> Any:
     return changed_scene(load_scene(source), overrides)
 
 
-def changed_scene(scene: Any, overrides: Sequence[str]) -> Any:
+def changed_scene(scene: Scene, overrides: Sequence[str]) -> Scene:
     """Return a scene with `path=value` changes, checked as a whole.
 
     Raises:

@@ -7,10 +7,14 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import CommandLineError, instant
 from ldcs_ros.cli.output import Progress, print_json
+
+if TYPE_CHECKING:
+    from ldcs_ros.bags import Recording
+    from ldcs_ros.viewing.from_bag import Written
 
 DESCRIPTION = """\
 Show a bag in a browser: the surface with a time slider, arms, loads, the ways of P0 and P1, and the courses of
@@ -75,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _show(recording, Path(folder) / "recording.rrd", arguments)
 
 
-def _show(recording: Any, path: Path, arguments: argparse.Namespace) -> int:
+def _show(recording: Recording, path: Path, arguments: argparse.Namespace) -> int:
     from ldcs_ros.viewing.browser_session import open_browser, save_picture, until_stopped
     from ldcs_ros.viewing.web_server import bag_site
 
@@ -95,7 +99,7 @@ def _show(recording: Any, path: Path, arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _write(recording: Any, path: Path, arguments: argparse.Namespace, *, play: str) -> Any:
+def _write(recording: Recording, path: Path, arguments: argparse.Namespace, *, play: str) -> Written:
     from ldcs_ros.viewing.from_bag import write_bag
 
     until = float("inf") if arguments.until is None else arguments.until
@@ -104,7 +108,7 @@ def _write(recording: Any, path: Path, arguments: argparse.Namespace, *, play: s
         return write_bag(recording, path, until=until, play=play, frame=frame, progress=bar.show)
 
 
-def _write_markers(recording: Any, arguments: argparse.Namespace) -> int:
+def _write_markers(recording: Recording, arguments: argparse.Namespace) -> int:
     from ldcs_ros.viewing.marker_bag import write_marker_bag
 
     with Progress(1.0, label=f"markers of {arguments.bag.name}", unit="", quiet=arguments.json) as bar:

@@ -1,4 +1,4 @@
-"""Two recordings side by side: aligned in time, resampled, their differences told in numbers and pictures.
+"""Two recordings side by side: aligned in time, resampled, their differences in numbers.
 
 Recording -> Signals (series, surface) -> offset of the clocks -> differences -> tolerances -> report, pictures, status
 """

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from ldcs_ros.signals.series import Series, resample_common
 
-# Two recordings must share at least this part of the shorter one.
+# Two recordings must overlap in at least this fraction of the shorter one.
 LEAST_OVERLAP = 0.5
 # Of the motion's variance, what may remain unexplained when the offset is believed.
 BELIEVED = 0.5

@@ -54,7 +54,7 @@ class Comparison:
         offset: How their clocks stand.
         channels: Differences by channel.
         surface: Difference of all nodes; None unless both recorded them.
-        side_length: Length of the sheet [m]; None if nobody says.
+        side_length: Length of the sheet [m]; None if unknown.
         relative: What is compared is what changed since the first common time.
         only: Channels that only one side has, in words.
         checks: Limits and what came out.
@@ -146,7 +146,7 @@ def _names(a: str, b: str) -> tuple[str, str]:
 
 
 def _only(a: Signals, b: Signals) -> tuple[str, ...]:
-    told = []
+    lines = []
     for one, other in ((a, b), (b, a)):
         names = sorted(one.series.keys() - other.series.keys())
         joints = [name for name in names if name.startswith("joint/")]
@@ -155,5 +155,5 @@ def _only(a: Signals, b: Signals) -> tuple[str, ...]:
         if one.surface is not None and other.surface is None:
             names.append(SURFACE)
         if names:
-            told.append(f"only in {one.name}: {', '.join(names)}")
-    return tuple(told)
+            lines.append(f"only in {one.name}: {', '.join(names)}")
+    return tuple(lines)

@@ -181,6 +181,6 @@ def _on_nodes(value: np.ndarray, nodes: tuple[int, int]) -> np.ndarray:
         if value.shape[axis] != count:
             where = np.linspace(0.0, value.shape[axis] - 1.0, count)
             low = np.minimum(where.astype(int), value.shape[axis] - 2)
-            share = (where - low).reshape([-1 if k == axis else 1 for k in range(value.ndim)])
-            value = (1.0 - share) * value.take(low, axis=axis) + share * value.take(low + 1, axis=axis)
+            fraction = (where - low).reshape([-1 if k == axis else 1 for k in range(value.ndim)])
+            value = (1.0 - fraction) * value.take(low, axis=axis) + fraction * value.take(low + 1, axis=axis)
     return value

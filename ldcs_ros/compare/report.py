@@ -69,9 +69,9 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
         for channel in comparison.channels.values()
         if channel.skipped
     ]
-    told = [*comparison.only, *skipped, *warnings]
-    if told:
-        lines += ["## Remarks", "", *(f"- {line}" for line in told), ""]
+    notes = [*comparison.only, *skipped, *warnings]
+    if notes:
+        lines += ["## Remarks", "", *(f"- {line}" for line in notes), ""]
     for picture in pictures:
         # Viewers of Markdown show no PDF.
         shown = "" if picture.endswith(".pdf") else "!"
@@ -149,10 +149,10 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
 
 
 def _sentence(found: ErrorStatistics, si: str) -> str:
-    share = "" if found.normalised_rms is None else f", RMS {percent(found.normalised_rms)} of the side"
+    ratio = "" if found.normalised_rms is None else f", RMS {percent(found.normalised_rms)} of the side"
     return (
         f"RMS {number(found.rms, si)}, 95 % below {number(found.p95, si)}, "
-        f"at most {number(found.max, si)} {unit(si)}{share}"
+        f"at most {number(found.max, si)} {unit(si)}{ratio}"
     )
 
 

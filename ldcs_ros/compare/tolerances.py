@@ -35,7 +35,7 @@ class Check:
     """One limit and what came out.
 
     Attributes:
-        channel: Channel, with its axis behind a dot if one is meant.
+        channel: Channel, with its axis after a dot if one is meant.
         figure: Which figure of it.
         value: What it is, in SI.
         limit: What it may be, in SI.

@@ -11,19 +11,19 @@ import numpy as np
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.scene import Scene
 
-PRESSURES = tuple((share, share) for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) + (
+PRESSURES = tuple((fraction, fraction) for fraction in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) + (
     (0.7, 0.4),
     (0.4, 0.7),
     (0.8, 0.6),
     (0.6, 0.8),
 )
-"""Gauge pressures left and right, as shares of the scene's limit."""
+"""Gauge pressures left and right, as fractions of the scene's limit."""
 LOADS = (0.0, 0.3)
 STIFFNESSES = (0.8, 1.25)
 
 
-def rest_shapes(scene: Scene, point: str) -> np.ndarray:
-    """Return the coordinates [m, rad] of rest states, shape (n_shapes, n_coordinates).
+def equilibria(scene: Scene, point: str) -> np.ndarray:
+    """Return the coordinates [m, rad] of equilibria, shape (n, n_coordinates).
 
     Args:
         scene: A scene whose arms are driven by pressure.
@@ -32,29 +32,29 @@ def rest_shapes(scene: Scene, point: str) -> np.ndarray:
     Raises:
         DivergenceError: Hardly any rest state was found.
     """
-    shapes = []
+    found = []
     limit = float(scene.effect("arms").pressure_limit)
     for stiffness, load in itertools.product(STIFFNESSES, LOADS):
         simulation = loaded(scene, point, load / 9.81, stiffness).build()
-        for share in PRESSURES:
-            simulation.inputs.set_pressure(tuple(limit * one for one in share))
+        for fraction in PRESSURES:
+            simulation.inputs.set_pressure(tuple(limit * one for one in fraction))
             try:
                 simulation.settle()
             except DivergenceError:
                 continue
             state = simulation.state
-            shapes.append(np.concatenate([state.position.ravel(), state.link_angle.ravel()]))
-    if len(shapes) < len(PRESSURES):
+            found.append(np.concatenate([state.position.ravel(), state.link_angle.ravel()]))
+    if len(found) < len(PRESSURES):
         raise DivergenceError(
             "the scene comes to rest under hardly any load: there are no shapes to estimate with"
         )
-    return np.array(shapes)
+    return np.array(found)
 
 
-def main_directions(shapes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean shape, shape (n,), and the main directions around it, orthonormal, shape (count, n)."""
-    mean = shapes.mean(axis=0)
-    _, _, directions = np.linalg.svd(shapes - mean, full_matrices=False)
+def main_directions(samples: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean of samples, shape (n,), and their main directions around it, orthonormal, shape (count, n)."""
+    mean = samples.mean(axis=0)
+    _, _, directions = np.linalg.svd(samples - mean, full_matrices=False)
     return mean, directions[:count]
 
 

@@ -10,7 +10,7 @@ import tempfile
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError, LdcsError
-from ldcs_ros.estimate.basis import main_directions, rest_shapes
+from ldcs_ros.estimate.basis import equilibria, main_directions
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
 
@@ -74,7 +74,7 @@ def main() -> int:
     scene, point, count = pickle.load(sys.stdin.buffer)
     try:
         with one_thread():
-            basis = main_directions(rest_shapes(scene, point), count)
+            basis = main_directions(equilibria(scene, point), count)
     except LdcsError as error:
         print(error)
         return 1

@@ -35,11 +35,11 @@ class Noise:
         gain: Standard deviation of the arms' gain at the start.
         load: Standard deviation of the unknown load at the start [N].
         stiffness: Standard deviation of the springs' factor at the start.
-        drift: Growth of each parameter's deviation in a second, as a share of that at the start.
+        drift: Growth of each parameter's deviation per second, as a fraction of that at the start.
         motion: Standard deviation of unmodelled motion in a second at rest [m/s per root s].
-        bend: The same, added for each m/s that the points move.
-        lag: Standard deviation, at the start, of the pressure at which the sheet would rest as it is [Pa].
-        ramp: Standard deviation, at the start, of that pressure's rate [Pa/s].
+        motion_gain: The same, added for each m/s that the points move.
+        pressure_sigma: Standard deviation, at the start, of the pressure at which the sheet would rest as it is [Pa].
+        pressure_rate_sigma: Standard deviation, at the start, of that pressure's rate [Pa/s].
     """
 
     position: float = 1.0e-4
@@ -48,9 +48,9 @@ class Noise:
     stiffness: float = 0.2
     drift: float = 0.02
     motion: float = 4.0e-5
-    bend: float = 3.0e-3
-    lag: float = 2.0e4
-    ramp: float = 1.0e5
+    motion_gain: float = 3.0e-3
+    pressure_sigma: float = 2.0e4
+    pressure_rate_sigma: float = 1.0e5
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class SurfaceFilter:
         an ensemble of full twins                 not built: each takes 0.25 s a second under 100 commands a second
 
     A shape that is missing acts like a lock on the stiff couplings of the arms: that is why 12 are worse than
-    their share of the sheet's motion says. A measurement far outside of what the filter holds possible is left
+    their fraction of the sheet's motion says. A measurement far outside of what the filter holds possible is left
     out, unless several follow each other.
 
     Args:
@@ -103,7 +103,7 @@ class SurfaceFilter:
         points: Measured points.
         loaded: Point that carries the unknown load; the last measured one if None.
         noise: How wrong things are taken to be.
-        shapes: Number of shapes.
+        modes: Number of shapes.
         basis: Mean shape and main directions of the sheet; None to search for them, which takes seconds.
         start: Time of the start [s], at rest without pressure.
 
@@ -111,7 +111,7 @@ class SurfaceFilter:
         time: Time of the state [s].
         innovations: Normalised innovation squared of the last corrections, and its degrees of freedom.
         outliers: Measurements that were left out.
-        restarts: How often they were so many that it began anew.
+        restarts: Restarts after many outliers in a row.
     """
 
     def __init__(
@@ -121,12 +121,12 @@ class SurfaceFilter:
         *,
         loaded: str | None = None,
         noise: Noise | None = None,
-        shapes: int = SHAPES,
+        modes: int = SHAPES,
         basis: tuple[np.ndarray, np.ndarray] | None = None,
         start: float = 0.0,
     ) -> None:
         self.noise = noise or Noise()
-        self._reduced = ReducedModel(scene, loaded or points[-1], shapes=shapes, basis=basis)
+        self._reduced = ReducedModel(scene, loaded or points[-1], modes=modes, basis=basis)
         self.points = points
         self._places = {point: self._reduced.place(point) for point in points}
         self._length = scene.lattice.size[0]
@@ -251,7 +251,7 @@ class SurfaceFilter:
 
     @property
     def consistency(self) -> float:
-        """Mean normalised innovation squared a degree of freedom, over the last corrections; 1 is honest."""
+        """Mean normalised innovation squared a degree of freedom, over the last corrections; 1 is consistent."""
         freedom = sum(count for _, count in self.innovations)
         return sum(squared for squared, _ in self.innovations) / freedom if freedom else 1.0
 
@@ -292,7 +292,7 @@ class SurfaceFilter:
         speed = float(np.sqrt(np.mean(np.sum(self._reduced.velocity(self._v) ** 2, axis=1))))
         # Reduced coordinates are distances over all nodes: the root of their number times the mean one.
         nodes = self._reduced.model.lattice.n_nodes
-        variance[:n] = self._scale * nodes * (noise.motion + noise.bend * speed) ** 2 * duration / n
+        variance[:n] = self._scale * nodes * (noise.motion + noise.motion_gain * speed) ** 2 * duration / n
         start = np.array([noise.gain, noise.load, noise.stiffness])
         variance[2 * n :] = (noise.drift * start) ** 2 * duration
         return np.diag(variance)
@@ -306,9 +306,9 @@ class SurfaceFilter:
         covariance = shift @ np.diag(start**2) @ shift.T
         by_pressure = np.linalg.solve(by_a, self._reduced.drive)
         lagging = by_pressure @ by_pressure.T
-        covariance[:n, :n] += noise.lag**2 * lagging + np.eye(n) * nodes * _SHAPE**2 / n
+        covariance[:n, :n] += noise.pressure_sigma**2 * lagging + np.eye(n) * nodes * _SHAPE**2 / n
         rates = slice(n, 2 * n)
-        covariance[rates, rates] += noise.ramp**2 * lagging + np.eye(n) * nodes * _RATE**2 / n
+        covariance[rates, rates] += noise.pressure_rate_sigma**2 * lagging + np.eye(n) * nodes * _RATE**2 / n
         return np.array(covariance)
 
     def _pressure_at(self, time: float) -> np.ndarray:
@@ -318,8 +318,8 @@ class SurfaceFilter:
             if then <= time:
                 if after is None:
                     return np.array(value)
-                share = (time - then) / (after[0] - then)
-                return np.array((1.0 - share) * value + share * after[1])
+                fraction = (time - then) / (after[0] - then)
+                return np.array((1.0 - fraction) * value + fraction * after[1])
             after = (then, value)
         return np.array(self._pressures[0][1])
 

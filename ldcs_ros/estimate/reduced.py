@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from ldcs_ros.estimate.basis import main_directions, rest_shapes
+from ldcs_ros.estimate.basis import equilibria, main_directions
 from ldcs_ros.physics.inputs import HeldInputs, Valve
 from ldcs_ros.physics.model import Model
 from ldcs_ros.scene import Scene
@@ -29,7 +29,7 @@ class ReducedModel:
     Args:
         scene: A scene whose arms are driven by pressure.
         point: Point that carries the unknown load.
-        shapes: Number of shapes.
+        modes: Number of shapes.
         basis: Mean shape and main directions, as `main_directions` returns them; None to search for them.
 
     Attributes:
@@ -43,14 +43,14 @@ class ReducedModel:
         scene: Scene,
         point: str,
         *,
-        shapes: int = 24,
+        modes: int = 24,
         basis: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
         self.simulation = scene.build()
         self.model: Model = self.simulation.model
         if basis is None:
             with one_thread():
-                basis = main_directions(rest_shapes(scene, point), shapes)
+                basis = main_directions(equilibria(scene, point), modes)
         mean, directions = basis
         self.n = len(directions)
         free = self.model.free

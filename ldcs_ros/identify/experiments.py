@@ -95,8 +95,8 @@ def read_experiment(
         settled, shift = recorded.settings.settled, recording.start * 1e-9
     else:
         scene = scene.without_schedule()
-        commands, told = _converted(recording, meaning, scene, name)
-        warnings += told
+        commands, odd = _converted(recording, meaning, scene, name)
+        warnings += odd
         schedule, settled, shift = (), meaning.initial == "rest", 0.0
     side = read_signals(recording, name=name, mapping=meaning, measured=True)
     warnings += side.warnings
@@ -192,6 +192,6 @@ def estimated_noise(tracks: list[np.ndarray]) -> float:
     sigma = 1.4826 * float(np.median(np.concatenate(seconds))) / np.sqrt(6.0) if seconds else 0.0
     if not sigma > 0.0:
         raise IdentificationError(
-            "the tracker's noise cannot be told from the data; give it with --noise (in m)"
+            "the tracker's noise cannot be estimated from the data; give it with --noise (in m)"
         )
     return sigma

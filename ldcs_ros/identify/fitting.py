@@ -19,13 +19,13 @@ from ldcs_ros.identify.workers import Workers
 # took 1.6 s and were right to 0.03 %; a tangent-linear pass along the same motion (trapezoid, sparse LU) took 1.5 s for
 # 3 %, 2.8 s for 1.6 %. Differences also fill all cores and work for every key of a scene, valves and geometry included.
 DIFFERENCE = 1e-4  # of the way between the bounds
-NO_ANSWER = 1e3  # residual, in standard deviations, where the scene has no answer: the step is taken back
+FAILED_RESIDUAL = 1e3  # standard deviations, where the scene has no answer: the step is taken back
 # Far from the minimum a direction that is right to a percent will do: starts are screened and followed at the
 # usual accuracy. Only the best is polished at the accuracy of the answer, with the slopes that it came with: they are
 # right to a percent, so each polishing run takes the error down by a factor of a hundred.
 ROUGH_ACCURACY = 1e-5  # m
 FOLLOWED = 3  # starts that are followed
-SAME = 1e-2  # share of the bounds: two minima closer than that are one
+SAME = 1e-2  # fraction of the bounds: two minima closer than that are one
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Minimum:
     """Where one start ended.
 
     Attributes:
-        shares: Place between the bounds, shape (n,).
+        normalised: Place between the bounds, shape (n,).
         residual: Residuals there in standard deviations, shape (n_data,).
-        jacobian: d(residual)/d(share), shape (n_data, n).
+        jacobian: d(residual)/d(fraction), shape (n_data, n).
         converged: The search ended by itself.
     """
 
-    shares: np.ndarray
+    normalised: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
     converged: bool
@@ -56,7 +56,7 @@ def search(
     *,
     starts: int = 8,
     seed: int = 0,
-    tell: Callable[[float, str], None] = lambda share, what: None,
+    progress: Callable[[float, str], None] = lambda fraction, what: None,
 ) -> list[Minimum]:
     """Return the minima found, best first: start values are screened, the best few are followed.
 
@@ -65,13 +65,13 @@ def search(
         workers: Who computes residuals.
         starts: Starts to screen: the scene's own values, and a Latin hypercube between the bounds.
         seed: Seed of the hypercube.
-        tell: Called with the share of the work that is done, and what is going on.
+        progress: Called with the fraction of the work that is done, and what is going on.
 
     Raises:
         IdentificationError: The scene has no answer at any start.
     """
     places = _starts(parameters, starts, seed)
-    tell(0.0, f"screening {len(places)} starts")
+    progress(0.0, f"screening {len(places)} starts")
     screened = workers.residuals([values_at(parameters, p) for p in places], accuracy=ROUGH_ACCURACY)
     ranked = sorted(
         (float(r @ r), k) for k, r in enumerate(screened) if r is not None and np.isfinite(r).all()
@@ -80,25 +80,25 @@ def search(
         raise IdentificationError(
             "the scene cannot follow the bags at any start value; check the scene, and narrow the bounds"
         )
-    # The scene's own values are somebody's best guess: they are followed in any case if they have an answer.
+    # The scene's own values are a best guess: they are followed in any case if they have an answer.
     chosen = [k for _, k in ranked[:FOLLOWED]]
     if screened[0] is not None and 0 not in chosen:
         chosen[-1] = 0
     rough: list[Minimum] = []
     for number, k in enumerate(chosen):
         label = f"start {number + 1} of {len(chosen)}"
-        share = 0.1 + 0.6 * number / len(chosen)
-        descent = _Descent(parameters, workers, ROUGH_ACCURACY, _telling(tell, share, label))
-        known = [minimum.shares for minimum in rough]
+        fraction = 0.1 + 0.6 * number / len(chosen)
+        descent = _Descent(parameters, workers, ROUGH_ACCURACY, _labelled(progress, fraction, label))
+        known = [minimum.normalised for minimum in rough]
         minimum = descent.run(places[k], tolerance=1e-3, known=known)
         if minimum is not None:
             rough.append(minimum)
     rough.sort(key=lambda minimum: minimum.cost)
     best = None
     if rough:
-        descent = _Descent(parameters, workers, FIT_ACCURACY, _telling(tell, 0.75, "polishing"))
-        best = descent.run(rough[0].shares, tolerance=1e-8, slopes=rough[0].jacobian)
-    tell(1.0, "")
+        descent = _Descent(parameters, workers, FIT_ACCURACY, _labelled(progress, 0.75, "polishing"))
+        best = descent.run(rough[0].normalised, tolerance=1e-8, slopes=rough[0].jacobian)
+    progress(1.0, "")
     if best is None:
         raise IdentificationError(
             "the scene has no answer where the search ended; check it, and narrow the bounds"
@@ -110,7 +110,7 @@ def distinct(minima: Sequence[Minimum], *, tolerance: float = SAME) -> list[Mini
     """Return minima that are at different places, best first."""
     kept: list[Minimum] = []
     for minimum in minima:
-        if all(np.abs(minimum.shares - other.shares).max() > tolerance for other in kept):
+        if all(np.abs(minimum.normalised - other.normalised).max() > tolerance for other in kept):
             kept.append(minimum)
     return kept
 
@@ -127,9 +127,14 @@ class _Descent:
         parameters: Sequence[FitParameter],
         workers: Workers,
         accuracy: float,
-        tell: Callable[[str], None],
+        progress: Callable[[str], None],
     ) -> None:
-        self._parameters, self._workers, self._accuracy, self._tell = parameters, workers, accuracy, tell
+        self._parameters, self._workers, self._accuracy, self._progress = (
+            parameters,
+            workers,
+            accuracy,
+            progress,
+        )
         self._at = np.full(len(parameters), np.nan)
         self._residual: Any = None
         self._known: Sequence[np.ndarray] = ()
@@ -149,7 +154,7 @@ class _Descent:
             start: Where to begin, shape (n,).
             tolerance: Relative change of the cost at which the search ends.
             known: Minima that are known, shape (n,) each.
-            slopes: d(residual)/d(share) to use all the way; None computes it where needed.
+            slopes: d(residual)/d(fraction) to use all the way; None computes it where needed.
         """
         start = np.clip(start, 1e-6, 1.0 - 1e-6)
         self._residual = self._compute([start])[0]
@@ -171,25 +176,25 @@ class _Descent:
             return None
         return Minimum(found.x, found.fun, found.jac, found.status > 0)
 
-    def _residual_at(self, shares: np.ndarray) -> np.ndarray:
-        if not np.array_equal(shares, self._at):
-            answer = self._compute([shares])[0]
-            self._residual = np.full(len(self._residual), NO_ANSWER) if answer is None else answer
-            self._at = shares.copy()
+    def _residual_at(self, normalised: np.ndarray) -> np.ndarray:
+        if not np.array_equal(normalised, self._at):
+            answer = self._compute([normalised])[0]
+            self._residual = np.full(len(self._residual), FAILED_RESIDUAL) if answer is None else answer
+            self._at = normalised.copy()
             square = float(np.mean(self._residual**2))
-            self._tell(f"reduced chi-square {square:.4g}")
-            if any(np.abs(shares - place).max() < SAME for place in self._known):
+            self._progress(f"reduced chi-square {square:.4g}")
+            if any(np.abs(normalised - place).max() < SAME for place in self._known):
                 raise _KnownMinimum
         value: np.ndarray = self._residual
         return value
 
-    def _jacobian_at(self, shares: np.ndarray) -> np.ndarray:
+    def _jacobian_at(self, normalised: np.ndarray) -> np.ndarray:
         if self._slopes is not None:
             return self._slopes
-        here = self._residual_at(shares)
+        here = self._residual_at(normalised)
         # Towards the middle, so that no bound is passed.
-        steps = np.where(shares > 0.5, -DIFFERENCE, DIFFERENCE)
-        moved = self._compute(list(shares + np.diag(steps)))
+        steps = np.where(normalised > 0.5, -DIFFERENCE, DIFFERENCE)
+        moved = self._compute(list(normalised + np.diag(steps)))
         columns = [
             np.zeros_like(here) if answer is None else (answer - here) / step
             for answer, step in zip(moved, steps, strict=True)
@@ -201,12 +206,12 @@ class _Descent:
         return self._workers.residuals(values, accuracy=self._accuracy)
 
 
-def _telling(tell: Callable[[float, str], None], share: float, label: str) -> Callable[[str], None]:
-    return lambda cost: tell(share, f"{label}, {cost}")
+def _labelled(progress: Callable[[float, str], None], fraction: float, label: str) -> Callable[[str], None]:
+    return lambda cost: progress(fraction, f"{label}, {cost}")
 
 
 def _starts(parameters: Sequence[FitParameter], count: int, seed: int) -> np.ndarray:
-    own = np.array([[p.share(p.start) for p in parameters]])
+    own = np.array([[p.fraction(p.start) for p in parameters]])
     if count <= 1:
         return own
     others = qmc.LatinHypercube(len(parameters), seed=seed).random(count - 1)

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.identify.experiments import Experiment, IdentificationError
-from ldcs_ros.identify.fitting import Minimum, distinct, search
-from ldcs_ros.identify.judgement import (
+from ldcs_ros.identify.diagnostics import (
     Misfit,
     ParameterEstimate,
     Score,
@@ -20,6 +18,8 @@ from ldcs_ros.identify.judgement import (
     score,
     scores,
 )
+from ldcs_ros.identify.experiments import Experiment, IdentificationError
+from ldcs_ros.identify.fitting import Minimum, distinct, search
 from ldcs_ros.identify.parameters import FitParameter, check_parameters, values_at
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.scene import Scene
@@ -62,7 +62,7 @@ def identify(
     starts: int = 8,
     seed: int = 0,
     processes: int | None = None,
-    tell: Callable[[float, str], None] = lambda share, what: None,
+    progress: Callable[[float, str], None] = lambda fraction, what: None,
 ) -> Identification:
     """Fit parameters of a scene to experiments and judge the fit.
 
@@ -74,7 +74,7 @@ def identify(
         starts: Start values to screen.
         seed: Seed of the start values.
         processes: Worker processes; None for one a core, 1 for none.
-        tell: Called with the share of the work that is done, and what is going on.
+        progress: Called with the fraction of the work that is done, and what is going on.
 
     Raises:
         IdentificationError: The data cannot determine the parameters in principle, or nothing can be computed.
@@ -85,13 +85,13 @@ def identify(
         raise IdentificationError(f"{count} measured numbers cannot determine {len(parameters)} parameters")
     check_parameters(parameters, content)
     with Workers(content, experiments, processes=processes) as workers:
-        minima = search(parameters, workers, starts=starts, seed=seed, tell=tell)
+        minima = search(parameters, workers, starts=starts, seed=seed, progress=progress)
         evaluations = workers.count
     best = minima[0]
     whole = score(experiments, best.residual)
     finding = misfit(whole, len(parameters))
     inflation = float(np.sqrt(max(1.0, whole.reduced_chi_square))) if finding.found else 1.0
-    values = values_at(parameters, best.shares)
+    values = values_at(parameters, best.normalised)
     unseen: list[Score] = []
     if held_out:
         with Workers(content, held_out, processes=1) as workers:

@@ -38,22 +38,22 @@ class FitParameter:
         """Searched on a logarithmic scale."""
         return self.low > 0.0 and self.high >= LOGARITHMIC * self.low
 
-    def value(self, share: float) -> float:
-        """Return the value at a share of the way from low to high."""
+    def value(self, fraction: float) -> float:
+        """Return the value at a fraction of the way from low to high."""
         if self.logarithmic:
-            return float(self.low * (self.high / self.low) ** share)
-        return self.low + share * (self.high - self.low)
+            return float(self.low * (self.high / self.low) ** fraction)
+        return self.low + fraction * (self.high - self.low)
 
-    def share(self, value: float) -> float:
+    def fraction(self, value: float) -> float:
         """Return how far a value is on the way from low to high."""
         if self.logarithmic:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
 
-    def slope(self, share: float) -> float:
-        """Return d(value)/d(share)."""
+    def slope(self, fraction: float) -> float:
+        """Return d(value)/d(fraction)."""
         if self.logarithmic:
-            return self.value(share) * math.log(self.high / self.low)
+            return self.value(fraction) * math.log(self.high / self.low)
         return self.high - self.low
 
 
@@ -110,9 +110,9 @@ def check_parameters(parameters: Sequence[FitParameter], content: dict[str, Any]
                 ) from error
 
 
-def values_at(parameters: Sequence[FitParameter], shares: np.ndarray) -> dict[str, float]:
-    """Return the values by path at shares of the way between the bounds, shape (n,)."""
-    return {p.path: p.value(float(s)) for p, s in zip(parameters, shares, strict=True)}
+def values_at(parameters: Sequence[FitParameter], normalised: np.ndarray) -> dict[str, float]:
+    """Return the values by path at fractions of the way between the bounds, shape (n,)."""
+    return {p.path: p.value(float(s)) for p, s in zip(parameters, normalised, strict=True)}
 
 
 def _bounds(text: str, bounds: str) -> tuple[float, float]:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.identify.diagnostics import Misfit, ParameterEstimate, Score
 from ldcs_ros.identify.experiments import Experiment
 from ldcs_ros.identify.identify import Identification
-from ldcs_ros.identify.judgement import ParameterEstimate, Score
 from ldcs_ros.schema.reader import write_yaml
 
 WIDTH = 116
@@ -94,13 +94,18 @@ def as_dict(found: Identification) -> dict[str, Any]:
             for item in found.estimates
         ],
         "correlation": found.correlation,
-        "misfit": vars(found.misfit),
-        "whole": vars(found.whole),
-        "fitted": [vars(item) for item in found.fitted],
-        "held_out": [vars(item) for item in found.held_out],
+        "misfit": _plain(found.misfit),
+        "whole": _plain(found.whole),
+        "fitted": [_plain(item) for item in found.fitted],
+        "held_out": [_plain(item) for item in found.held_out],
         "minima": len(found.minima),
         "evaluations": found.evaluations,
     }
+
+
+def _plain(item: Score | Misfit) -> dict[str, Any]:
+    # The JSON keeps the name that its readers know.
+    return {"lasting" if name == "ljung_box_z" else name: value for name, value in vars(item).items()}
 
 
 def _wrapped(line: str) -> list[str]:

@@ -89,6 +89,6 @@ def _begin(content: dict[str, Any], experiments: Sequence[Experiment]) -> None:
 
 def _compute(job: tuple[dict[str, float], int, float]) -> np.ndarray | None:
     if _shared is None:
-        raise RuntimeError("a worker process was not told what to work on")
+        raise RuntimeError("a worker process has no work")
     values, number, accuracy = job
     return residuals(_shared[0], values, _shared[1][number], accuracy=accuracy)

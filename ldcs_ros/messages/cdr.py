@@ -10,7 +10,7 @@ import numpy as np
 
 from ldcs_ros.bags.schemas import Schemas
 
-# The stamp of a message that begins with a header lies right behind the four bytes that name the encoding.
+# The stamp of a message that begins with a header follows the four bytes that name the encoding.
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
 _PLACEHOLDER = 0xA5

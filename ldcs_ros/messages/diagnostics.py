@@ -62,7 +62,7 @@ class SolverReport:
         self._seen: deque[tuple[float, float]] = deque()
 
     def restart(self) -> None:
-        """Measure the pace anew, as after a pause."""
+        """Restart the measurement of the pace, as after a pause."""
         self._seen.clear()
 
     def build(self, time_ns: int, simulation: Simulation, *, overruns: int, refused: int) -> bytes:

@@ -22,7 +22,7 @@ class Topic:
         transient_local: The last messages are kept for those who come late.
         depth: Length of the queue.
         keep_all: The queue is as long as the middleware allows instead.
-        on_demand: Built only while somebody listens.
+        on_demand: Built only while the topic has subscribers.
         recorded: Put into bags.
         measured: Tells how the computer does, which no replay repeats.
     """
@@ -144,7 +144,7 @@ _ALL = (
         on_demand=True,
         recorded=False,
     ),
-    # Our own types, and a bag three times as large: these two are recorded where somebody asks for the detail.
+    # Our own types, and a bag three times as large: these two are recorded only on request.
     Topic(
         "lattice_state",
         "ldcs_msgs/msg/LatticeState",

@@ -125,7 +125,7 @@ def _draw_row(
     for axes in (both, apart):
         axes.margins(x=0.01, y=0.12)
     if fine * largest < NOTHING:
-        apart.set_ylim(-1.0, 1.0)  # rounding is no difference: nobody need look at it through a lens
+        apart.set_ylim(-1.0, 1.0)  # rounding is no difference and is not magnified
     _key(apart, lines, fine_unit, fine, style)
 
 
@@ -196,7 +196,7 @@ ERROR_MAP = "magma_r"
 
 
 class _Left(NamedTuple):
-    """Where the parts begin, as shares of the picture's width."""
+    """Left edges of the parts, as fractions of the picture's width."""
 
     sheet: float
     key: float

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: told apart by colour-blind readers and in print.
+# Okabe and Ito's palette: distinguishable for colour-blind readers and in print.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#009E73", "z": "#D55E00"}
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 INK = "#262626"
@@ -117,12 +117,12 @@ def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, style: 
     low, high = axes.get_ylim()
     placed: list[float] = []
     for height, text, colour in sorted(labels, key=lambda label: label[0]):
-        share = (height - low) / (high - low)
-        share = max(share, placed[-1] + gap) if placed else max(share, 0.0)
-        placed.append(share)
+        fraction = (height - low) / (high - low)
+        fraction = max(fraction, placed[-1] + gap) if placed else max(fraction, 0.0)
+        placed.append(fraction)
         axes.text(
             1.01,
-            share,
+            fraction,
             text,
             transform=axes.transAxes,
             color=colour,

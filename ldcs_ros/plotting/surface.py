@@ -31,14 +31,16 @@ from ldcs_ros.plotting.style import (
 
 MM = 1e3
 ELEVATION, AZIMUTH = 28.0, -125.0  # from behind the clamp: the bent side and both arms are seen
-_LIFT = 0.09  # share of a panel by which its box is raised: seen from above, the drawing hangs low in its box
+_LIFT = (
+    0.09  # fraction of a panel by which its box is raised: seen from above, the drawing hangs low in its box
+)
 _ARROW_LENGTH = 26.0  # mm
 _LABEL_LIFT = 6.0  # mm above the place of a load
 
 
 @dataclass(frozen=True)
 class ViewBox:
-    """What all panels of one figure, or all frames of one motion, share.
+    """The box and the colour scale common to all panels of a figure, or all frames of a motion.
 
     Attributes:
         low, high: Corners of the drawn box [mm], shape (3,).

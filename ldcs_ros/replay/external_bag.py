@@ -106,7 +106,7 @@ class MappedCommand:
 
     Attributes:
         time: Simulation time at which it acts [ns].
-        after: None: whatever the twin does at that time, the command comes behind it, as it does live.
+        after: None: the command follows all messages of that time, as it does live.
         source: How to read it.
         message: The message object.
         type: Its type.

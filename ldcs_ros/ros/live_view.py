@@ -94,7 +94,7 @@ def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], 
 def _follow(
     arguments: argparse.Namespace, address: str, viewer: LiveViewer, stopped: Callable[[float], bool]
 ) -> int:
-    """Draw what comes until somebody stops it, or until the picture is taken."""
+    """Draw messages until a stop signal, or until the picture is taken."""
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
@@ -136,7 +136,7 @@ class Listener:
 
     Args:
         node: The node that listens, in the twin's namespace.
-        viewer: What is told.
+        viewer: Receiver of the messages.
     """
 
     def __init__(self, node: Node, viewer: LiveViewer) -> None:

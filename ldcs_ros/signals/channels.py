@@ -78,7 +78,7 @@ class ChannelReport:
 
     def warnings(self) -> list[str]:
         """Return what is worth telling, in words."""
-        told = [
+        lines = [
             f"{count} {what}"
             for count, what in (
                 (self.malformed, f"malformed ({self.problem})"),
@@ -90,10 +90,10 @@ class ChannelReport:
             )
             if count
         ]
-        told += [f"{count} refused ({reason})" for reason, count in sorted(self.refused.items())]
+        lines += [f"{count} refused ({reason})" for reason, count in sorted(self.refused.items())]
         if self.clock_offset is not None:
-            told.append(f"stamps {self.clock_offset:+.3f} s from the recorder's clock, taken out")
-        return told
+            lines.append(f"stamps {self.clock_offset:+.3f} s from the recorder's clock, taken out")
+        return lines
 
 
 def read_channel(

@@ -129,10 +129,10 @@ def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
         )
         kind = recording.topics[source.topic].type
         time, value = _measured(decoded, source, kind, report, mapping.ambient_pressure)
-        told = report.warnings()
-        remark = f"{source.topic}: {', '.join(told)}"
-        if told and remark not in warnings:
-            warnings.append(remark)
+        found = report.warnings()
+        warning = f"{source.topic}: {', '.join(found)}"
+        if found and warning not in warnings:
+            warnings.append(warning)
         if not len(time):
             warnings.append(f"{source.topic}: no message for {source.to}")
             continue

@@ -206,7 +206,7 @@ def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> I
     waiting: Snapshot | None = None
     count = 0
     for message in recording.in_order([topic for topic in (clouds, joints, wrench) if topic is not None]):
-        # What belongs to a surface is recorded behind it with the same time.
+        # Arms and loads of a surface are recorded after it with the same time.
         if waiting is not None and message.time > waiting.time:
             yield state.complete(waiting)
             waiting = None

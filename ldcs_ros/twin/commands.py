@@ -163,7 +163,7 @@ class Commands:
         self._last_sequence = message.sequence
 
     def reset_sequence(self) -> None:
-        """Take numbered commands from any number on, as after a reset or when somebody rearms."""
+        """Take numbered commands from any number on, as after a reset or `rearm`."""
         self._last_sequence = -1
 
     def wrench_profile(

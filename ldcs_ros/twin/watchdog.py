@@ -38,7 +38,7 @@ class VentRamp:
 class Watchdog:
     """Watches the arms' commands, and each wrench on its own.
 
-    It arms itself with the first command: a twin that nobody commands follows its scene. Once tripped it
+    The first command arms it: a twin without commands follows its scene. Once tripped it
     stays tripped until `rearm`. Time spent suspended (the twin is paused) does not count.
 
     Args:
@@ -47,7 +47,7 @@ class Watchdog:
         wrench_timeout: Longest time that a wrench is held [s]; 0 for ever.
 
     Attributes:
-        tripped: The arms' commands went stale and nobody has rearmed since.
+        tripped: The arms' commands went stale and no `rearm` followed.
         trips: How often that happened.
     """
 

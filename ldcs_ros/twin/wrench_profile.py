@@ -16,13 +16,13 @@ MAX_STEPS = 200
 
 @dataclass(frozen=True)
 class WrenchProfile:
-    """A wrench and the share of it that is commanded, over time.
+    """A wrench and the commanded fraction of it over time.
 
     Attributes:
         frame: Frame in which it acts: a point, or a point with '_aligned'.
         force: Full force [N].
         torque: Full torque [N m].
-        fractions: Times [ns], ascending, and the share that is held from then on.
+        fractions: Times [ns], ascending, and the fraction that is held from then on.
     """
 
     frame: str
@@ -60,7 +60,7 @@ class WrenchProfile:
         return cls(frame, _three(force), _three(torque), tuple(sorted(fractions.items())))
 
     def at(self, fraction: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """Return force [N] and torque [N m] of a share."""
+        """Return force [N] and torque [N m] of a fraction."""
         return _three([fraction * f for f in self.force]), _three([fraction * t for t in self.torque])
 
 
@@ -72,7 +72,7 @@ class WrenchSchedule:
 
     @property
     def next_time(self) -> float:
-        """When a share changes next [s], infinity for never; a whole number of nanoseconds, as bags keep it."""
+        """Time of the next change [s], infinity for never; a whole number of nanoseconds, as bags keep it."""
         return min((one.fractions[0][0] for one in self._profiles.values()), default=math.inf) / 1e9
 
     def put(self, profile: WrenchProfile) -> None:
@@ -88,7 +88,7 @@ class WrenchSchedule:
         self._profiles.clear()
 
     def take(self, time: float) -> list[tuple[WrenchProfile, float]]:
-        """Return the courses whose share changes up to a time [s], with the share that is to be held."""
+        """Return the profiles whose fraction changes up to a time [s], with the fraction to hold."""
         now = nanoseconds(time)
         changed = []
         for frame, profile in list(self._profiles.items()):
@@ -105,7 +105,7 @@ class WrenchSchedule:
 
 
 def _rise(ramp: float) -> list[tuple[float, float]]:
-    """Return times from the start [s] and shares of a ramp to 1."""
+    """Return times from the start [s] and fractions of a ramp to 1."""
     steps = min(MAX_STEPS, math.ceil(ramp / STEP_TIME))
     return [(ramp * k / steps, (k + 0.5) / steps) for k in range(steps)] + [(ramp, 1.0)]
 

@@ -34,7 +34,7 @@ def is_shown(topic: str, message_type: str) -> bool:
 
 
 class LiveViewer:
-    """Collects messages and draws them when it is told to, surfaces and markers no oftener than that.
+    """A collector of messages; `draw` shows the latest surfaces and markers, and all points of the curves.
 
     When time goes back, as at a reset of the twin, a new recording begins.
 

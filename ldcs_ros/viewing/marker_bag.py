@@ -47,17 +47,17 @@ def write_marker_bag(
     frame = recording.decode(next(iter(recording.in_order([clouds])))).header.frame_id or BASE_FRAME
     topics = {**recording.topics, **{names[topic]: TopicInfo(TOPICS[topic].type) for topic in MARKER_TOPICS}}
     writer = BagWriter(folder, topics=topics, custom_data=dict(recording.custom_data))
-    behind = _MarkerSource(recording, scene, Markers(scene, frame), rate)
+    source = _MarkerSource(recording, scene, Markers(scene, frame), rate)
     added = 0
     try:
         for message in recording.in_order():
-            for marked in behind.before(message.time):
+            for marked in source.before(message.time):
                 writer.write(names[marked[0]], TOPICS[marked[0]].type, *marked[1:])
                 added += 1
             writer.write(message.topic, message.type, message.cdr, message.time)
             if progress is not None:
                 progress((message.time - recording.start) / max(recording.end - recording.start, 1))
-        for marked in behind.before(math.inf):
+        for marked in source.before(math.inf):
             writer.write(names[marked[0]], TOPICS[marked[0]].type, *marked[1:])
             added += 1
     finally:
@@ -68,7 +68,7 @@ def write_marker_bag(
 
 
 class _MarkerSource:
-    """The markers of a bag's snapshots, each behind what was recorded at its time."""
+    """The markers of a bag's snapshots, each after the messages of its time."""
 
     def __init__(self, recording: Recording, scene: Scene, markers: Markers, rate: float) -> None:
         self._scene = scene

@@ -50,7 +50,7 @@ def program() -> Path:
 
 
 def new_stream(name: str) -> Any:
-    """Return an empty rerun recording of our application; nothing is sent anywhere until it is told to.
+    """Return an empty rerun recording of our application; nothing is sent anywhere before it has a sink.
 
     Args:
         name: What viewers list it as.

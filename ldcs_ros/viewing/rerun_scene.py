@@ -257,7 +257,7 @@ def _foot(cylinder: MarkerSpec) -> np.ndarray:
 
 
 def _path_of(title: str) -> str:
-    """Return a title as part of a path: words joined, without what stands behind ':' or '['."""
+    """Return a title as part of a path: words joined, without the part after ':' or '['."""
     return "_".join(re.split(r"[:\[]", title)[0].split())
 
 

@@ -173,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._hand_on(path)
 
     def log_message(self, *_: Any) -> None:
-        """Nothing: the terminal belongs to whoever started the view."""
+        """Write nothing: the terminal belongs to the view."""
 
     def _send_file(self, path: Path) -> None:
         with open(path, "rb") as stream:

@@ -168,7 +168,7 @@ def test_the_reduced_model_rests_where_the_full_one_does():
 
 
 def test_slopes_are_the_derivatives_of_the_force():
-    reduced = ReducedModel(load_scene("rig"), "P1", shapes=8)
+    reduced = ReducedModel(load_scene("rig"), "P1", modes=8)
     pressure, theta = np.array([80e3, 70e3]), np.array([0.9, 0.1, 1.1])
     a = reduced.rest(pressure, np.array([0.9, 0.1, 1.0]))
     v = np.full(reduced.n, 1e-3)
@@ -186,7 +186,7 @@ def test_slopes_are_the_derivatives_of_the_force():
 
 
 def test_main_directions_are_orthonormal_and_span_the_shapes():
-    shapes = np.random.default_rng(1).normal(size=(5, 40))
-    mean, directions = main_directions(shapes, 4)
+    modes = np.random.default_rng(1).normal(size=(5, 40))
+    mean, directions = main_directions(modes, 4)
     assert np.allclose(directions @ directions.T, np.eye(4))
-    assert np.allclose((shapes - mean) @ directions.T @ directions, shapes - mean)
+    assert np.allclose((modes - mean) @ directions.T @ directions, modes - mean)

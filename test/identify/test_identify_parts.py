@@ -10,9 +10,9 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
 from ldcs_ros.errors import LdcsError
+from ldcs_ros.identify.diagnostics import covariance, misfit, score
 from ldcs_ros.identify.experiments import Experiment, estimated_noise, read_experiment
 from ldcs_ros.identify.fitting import Minimum
-from ldcs_ros.identify.judgement import covariance, misfit, score
 from ldcs_ros.identify.parameters import FitParameter, check_parameters, parse_parameter
 from ldcs_ros.identify.prediction import predict, residuals
 from ldcs_ros.identify.workers import Workers
@@ -38,10 +38,10 @@ def test_a_parameter_without_bounds_is_looked_for_around_its_value(content):
 @pytest.mark.parametrize(("low", "high"), [(1.0, 16.0), (-1.0, 2.0), (1.0, 1.5)])
 def test_shares_and_values_are_inverse_and_slopes_are_their_slopes(low, high):
     parameter = FitParameter("x", 1.1, low, high)
-    for share in (0.0, 0.3, 1.0):
-        assert parameter.share(parameter.value(share)) == pytest.approx(share)
-        slope = (parameter.value(share + 1e-6) - parameter.value(share - 1e-6)) / 2e-6
-        assert parameter.slope(share) == pytest.approx(slope, rel=1e-6)
+    for fraction in (0.0, 0.3, 1.0):
+        assert parameter.fraction(parameter.value(fraction)) == pytest.approx(fraction)
+        slope = (parameter.value(fraction + 1e-6) - parameter.value(fraction - 1e-6)) / 2e-6
+        assert parameter.slope(fraction) == pytest.approx(slope, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_white_residuals_are_no_misfit_and_lasting_ones_are_before_they_are_larg
     assert not finding.found and abs(finding.excess) < 4.0
     slow = white + 0.4 * np.sin(2.0 * time)[:, None]
     smooth = misfit(score([experiment], slow.ravel()), 3)
-    assert smooth.found and smooth.lasting > 5.0 > smooth.excess
+    assert smooth.found and smooth.ljung_box_z > 5.0 > smooth.excess
     large = misfit(score([experiment], 1.5 * white.ravel()), 3)
     assert large.found and "times the noise" in large.words
 

@@ -6,7 +6,7 @@ import numpy as np
 
 Colour = tuple[float, float, float, float]
 
-# Six colours of viridis, told apart by colour-blind readers; its own ends are the ends of the scale.
+# Six colours of viridis, distinguishable for colour-blind readers; its own ends are the ends of the scale.
 _SCALE = (
     np.array(
         [(68, 1, 84), (65, 68, 135), (42, 120, 142), (34, 168, 132), (122, 209, 81), (253, 231, 37)],
@@ -42,10 +42,10 @@ def of_height(height: np.ndarray, length: float) -> np.ndarray:
         height: Heights z in ldcs_base [m], shape (n,).
         length: Length of the sheet along x [m].
     """
-    share = np.asarray(height, dtype=np.float64) / length
-    colours = np.ones((len(share), 4), dtype=np.float32)
+    fraction = np.asarray(height, dtype=np.float64) / length
+    colours = np.ones((len(fraction), 4), dtype=np.float32)
     for channel in range(3):
-        colours[:, channel] = np.interp(share, _PLACES, _SCALE[:, channel])
+        colours[:, channel] = np.interp(fraction, _PLACES, _SCALE[:, channel])
     return colours
 
 

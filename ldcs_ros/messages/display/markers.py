@@ -26,7 +26,7 @@ _WIDTH = 0.0015  # m
 class Traces:
     """Follows points and draws a line for each, of its last 1000 places that are 0.25 mm apart.
 
-    A point at rest keeps its trace. When time goes back, the traces begin anew.
+    A point at rest keeps its trace. When time goes back, the traces restart.
     """
 
     def __init__(self) -> None:

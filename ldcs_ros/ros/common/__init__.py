@@ -1,1 +1,1 @@
-"""What the nodes share: process, transport, quality of service, parameters, optional packages."""
+"""Common parts of the nodes: process, transport, quality of service, parameters, optional packages."""

@@ -1,4 +1,4 @@
-"""What the launch files share: a node's parameters as launch arguments, and the node with those that were given."""
+"""Parts of the launch files: a node's parameters as launch arguments, and the node with those that were given."""
 
 from __future__ import annotations
 

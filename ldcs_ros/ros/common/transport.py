@@ -41,7 +41,7 @@ class DrainingSubscription:
         self._latest: OrderedDict[bytes, int] = OrderedDict()
 
     def __call__(self, cdr: bytes, info: Mapping[str, Any]) -> None:
-        """Hand on a message, and those that wait behind it."""
+        """Hand on a message, and those that wait in the queue."""
         self._take(cdr, info)
         subscription = self.subscription
         if subscription is None:

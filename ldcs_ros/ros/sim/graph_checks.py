@@ -97,8 +97,8 @@ def _name(info: TopicEndpointInfo) -> str:
 class DuplicateNodeCheck:
     """Looks for other nodes of the same full name.
 
-    They are told, not refused: a node that was killed stays in the graph for twenty seconds more, and the one that is
-    started in its place has to run.
+    They are reported, not refused: a killed node stays in the graph for twenty seconds more, and the one started in its
+    place has to run.
 
     Args:
         node: The node whose name is watched.

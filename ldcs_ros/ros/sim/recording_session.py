@@ -1,4 +1,4 @@
-"""The bag of a live run: begun, begun over, and its trouble told once; a run goes on when one is lost."""
+"""The bag of a live run, and the next one after a reset; its errors are reported once and end no run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class RecordingSession:
     """Keeps the recorder of a twin.
 
     Args:
-        logger: Where trouble is told.
+        logger: Logger of errors.
 
     Attributes:
         recorder: What records, if anything does.

@@ -59,7 +59,7 @@ class PeriodicTask:
 class Runner:
     """Advances a twin in real time (or as fast as it can) and serves requests in between.
 
-    Commands that arrive take effect behind the next event, so that nothing acts before it came.
+    Commands that arrive take effect after the next event, so that nothing acts before it came.
 
     Args:
         twin: What is advanced.
@@ -117,11 +117,11 @@ class Runner:
             self._thread.join()
 
     def post(self, topic: str, cdr: bytes) -> None:
-        """Hand in a command; it is applied, or refused and counted, behind the next event."""
+        """Hand in a command; it is applied, or refused and counted, after the next event."""
         self._commands.append((topic, cdr))
 
     def submit(self, function: Callable[[], Result]) -> Future[Result]:
-        """Let a function run on the runner's thread when it comes round to it, behind what was handed in before."""
+        """Let a function run on the runner's thread when it comes round to it, after earlier requests."""
         future: Future[Result] = Future()
         self._requests.append((future, function))
         self._wake.set()
@@ -193,7 +193,7 @@ class Runner:
         return twin.time
 
     def reset(self) -> None:
-        """Back to the scene's start; runs on unless it was paused by somebody; on the runner's thread."""
+        """Back to the scene's start; runs on unless it was paused; on the runner's thread."""
         running = self.mode in (RunMode.RUNNING, RunMode.FAILED)
         self._go_to_start(self.mode if self.mode is RunMode.STOPPED else RunMode.PAUSED)
         if running:
@@ -276,7 +276,7 @@ class Runner:
             function()
         except DivergenceError as error:
             self._fail(str(error))
-        except Exception as error:  # whatever it is, the last good state stays and the operator is told
+        except Exception as error:  # whatever it is, the last good state stays and the operator is informed
             self._fail(f"the simulation stopped at t = {self.twin.time:g} s: {error!r}")
 
     def _fail(self, reason: str) -> None:

@@ -67,7 +67,7 @@ class SceneLoader:
         try:
             twin = await self._built(scene)
             if twin is None or self._runner() is not runner:
-                raise InvalidStateError("the node was configured anew meanwhile; the scene was not loaded")
+                raise InvalidStateError("the node was configured again meanwhile; the scene was not loaded")
             return twin, self._swap_scene(twin, stop=stop)
         finally:
             self._busy = False

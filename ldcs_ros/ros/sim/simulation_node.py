@@ -366,5 +366,5 @@ def _warm_up(twin: Twin) -> None:
     try:
         twin.simulation.advance_to(1.0 / twin.settings.publish_rate)
     except DivergenceError:
-        pass  # it will diverge again when the clock runs, and be told then
+        pass  # it will diverge again when the clock runs, and be reported then
     twin.reset()

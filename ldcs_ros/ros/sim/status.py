@@ -94,7 +94,7 @@ class StatusLine:
 
     Args:
         stream: Where it is written.
-        runner: What is told about.
+        runner: The runner that is reported.
     """
 
     def __init__(self, stream: TextIO, runner: Runner) -> None:

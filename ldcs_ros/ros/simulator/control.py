@@ -204,7 +204,7 @@ class Stepping:
             self._busy = False
 
     async def _step(self, earliest: float) -> float:
-        # Takes a step from a time on and returns the time behind it.
+        # Takes a step from a time on and returns the time after it.
         runner = self._host.active_runner()
         if runner.twin.time < earliest:
             raise InvalidStateError("the simulation went back to a start")

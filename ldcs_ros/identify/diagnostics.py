@@ -16,7 +16,7 @@ from ldcs_ros.identify.parameters import FitParameter
 ALARM = 5.0
 CUT_OFF = 37.0  # standard deviations; beyond, a probability is too small for a float
 NINETY_FIVE = 1.959963984540054  # standard deviations of a normal distribution
-UNDETERMINED = 0.25  # share of the bounds: a wider standard deviation says that the data do not tell
+UNDETERMINED = 0.25  # of the bounds: a wider standard deviation means that the data do not determine it
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Score:
         count: Measured coordinates.
         reduced_chi_square: Mean of the squares; 1 if only noise is left.
         correlation: Correlation of neighbours in time; 0 if only noise is left.
-        lasting: Ljung and Box's test over a quarter of a second, as standard deviations of a normal distribution.
+        ljung_box_z: Ljung and Box's test over a quarter of a second, as standard deviations of a normal distribution.
         within_three: Share of coordinates within three standard deviations; 0.9973 if only noise is left.
         largest: Largest distance of a coordinate [standard deviations].
         largest_mean: Largest mean over a quarter of a second, where noise averages out [standard deviations].
@@ -58,7 +58,7 @@ class Score:
     count: int
     reduced_chi_square: float
     correlation: float
-    lasting: float
+    ljung_box_z: float
     within_three: float
     largest: float
     largest_mean: float
@@ -71,13 +71,13 @@ class Misfit:
     Attributes:
         found: True if it does not fit.
         excess: (Reduced chi-square - 1) in its own standard deviations.
-        lasting: How clearly residuals last from one sample to the next ones, in standard deviations.
+        ljung_box_z: How clearly residuals last from one sample to the next ones, in standard deviations.
         words: The finding, in words.
     """
 
     found: bool
     excess: float
-    lasting: float
+    ljung_box_z: float
     words: str
 
 
@@ -93,18 +93,18 @@ def estimates(
     """
     deviation = inflation * np.sqrt(np.diag(covariance(minimum)))
     found = []
-    for p, share, wide in zip(parameters, minimum.shares, deviation, strict=True):
+    for p, fraction, wide in zip(parameters, minimum.normalised, deviation, strict=True):
         reach = NINETY_FIVE * float(wide)
-        low, high = (p.value(float(np.clip(share + sign * reach, -1.0, 2.0))) for sign in (-1.0, 1.0))
-        at_bound = bool(share < 1e-4 or share > 1.0 - 1e-4)
+        low, high = (p.value(float(np.clip(fraction + sign * reach, -1.0, 2.0))) for sign in (-1.0, 1.0))
+        at_bound = bool(fraction < 1e-4 or fraction > 1.0 - 1e-4)
         found.append(
-            ParameterEstimate(p, p.value(float(share)), low, high, at_bound, bool(wide > UNDETERMINED))
+            ParameterEstimate(p, p.value(float(fraction)), low, high, at_bound, bool(wide > UNDETERMINED))
         )
     return found
 
 
 def covariance(minimum: Minimum) -> np.ndarray:
-    """Return the covariance of the shares, shape (n, n); what the data do not tell is wide, not infinite."""
+    """Return the covariance of the normalised values, shape (n, n); an undetermined direction is wide, not infinite."""
     u, strength, rows = np.linalg.svd(minimum.jacobian, full_matrices=False)
     strength = np.maximum(strength, 1e-6)
     matrix: np.ndarray = (rows.T / strength**2) @ rows
@@ -142,7 +142,7 @@ def score(experiments: Sequence[Experiment], residual: np.ndarray, *, name: str 
         count=len(residual),
         reduced_chi_square=square,
         correlation=float(correlations[0]),
-        lasting=_normal(float(np.sum(pairs * correlations**2)), lags),
+        ljung_box_z=_normal(float(np.sum(pairs * correlations**2)), lags),
         within_three=float(np.mean(np.abs(residual) <= 3.0)),
         largest=float(np.abs(residual).max()),
         largest_mean=max(means),
@@ -187,12 +187,12 @@ def misfit(whole: Score, n_parameters: int) -> Misfit:
             f"residuals are {np.sqrt(whole.reduced_chi_square):.3g} times the noise "
             f"(chi-square {excess:.0f} standard deviations too large)"
         )
-    if whole.lasting > ALARM:
+    if whole.ljung_box_z > ALARM:
         reasons.append(f"residuals last (correlation {whole.correlation:.2f} from sample to sample)")
     if not reasons:
-        return Misfit(False, float(excess), whole.lasting, "only noise is left")
+        return Misfit(False, float(excess), whole.ljung_box_z, "only noise is left")
     words = (
         f"{' and '.join(reasons)}: with these parameters the scene's structure cannot say what was recorded; "
         "look at spring law, effects and points, or fit more numbers"
     )
-    return Misfit(True, float(excess), whole.lasting, words)
+    return Misfit(True, float(excess), whole.ljung_box_z, words)
