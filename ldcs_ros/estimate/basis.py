@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -60,13 +58,11 @@ def main_directions(samples: np.ndarray, count: int) -> tuple[np.ndarray, np.nda
 
 def loaded(scene: Scene, point: str, mass: float, stiffness: float) -> Scene:
     """Return a scene with another mass [kg] at a point, a factor on its springs, and no schedule."""
-    from ldcs_ros.physics.effects.payload import Payload
-
-    effects: list[Any] = []
-    for effect in scene.effects:
-        if effect.name == "springs":
-            effect = replace(effect, stiffness=stiffness * effect.stiffness)  # type: ignore[attr-defined, type-var]
-        effects.append(effect)
+    content = scene.content
+    effects = content["effects"]
+    for block in effects:
+        if block["type"] == "springs":
+            block["stiffness"] = stiffness * scene.effect("springs").stiffness
     if mass > 0.0:
-        effects.append(Payload(at=point, mass=mass))
-    return replace(scene, effects=tuple(effects), inputs=())
+        effects.append({"type": "payload", "at": point, "mass": mass})
+    return scene.edited(effects=effects, inputs=None)

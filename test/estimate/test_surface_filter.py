@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,11 +24,8 @@ POINTS = ("P0", "P1")
 def truth(stiffness, gain, load):
     """The scene `rig` with other springs, another gain and more load."""
     scene = loaded(load_scene("rig"), "P1", load, stiffness)
-    effects = [
-        replace(effect, pressure_gain=gain * effect.pressure_gain) if effect.name == "arms" else effect
-        for effect in scene.effects
-    ]
-    return replace(scene, effects=tuple(effects)).with_accuracy(1e-4)
+    gain *= scene.effect("arms").pressure_gain
+    return scene.edited({"effects.arms.pressure_gain": gain}).with_accuracy(1e-4)
 
 
 def rms(position, other):
