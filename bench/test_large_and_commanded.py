@@ -12,7 +12,7 @@ import pytest
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.scene import load_scene
 from ldcs_ros.study.baseline import ArcBaseline
-from ldcs_ros.study.courses import follow, problem, sampled
+from ldcs_ros.study.drive_profiles import follow, problem, sampled
 from ldcs_ros.study.problems import scene_of
 from ldcs_ros.study.timing import in_turns
 
@@ -57,7 +57,7 @@ def test_cost_grows_with_the_lattice_no_faster_than_it_did(sizes):
 def test_a_large_lattice_costs_no_more_baselines_than_it_did():
     limit = 1.8
     simulation = scene_of("arc", 65).build()
-    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    mode, _ = fastest_mode(simulation.model, simulation.motion(), simulation.inputs.held())
     ArcBaseline(5, STEP, 1e3).run((LARGE_SPAN,))  # compiles
     baseline = ArcBaseline(65, STEP, mode.spectral_radius)
     run = _runs(scene_of("arc", 65, accuracy=2e-5), LARGE_SPAN)

@@ -33,7 +33,7 @@ RUNS = {
 
 def _baseline(nodes):
     simulation = scene_of("arc", nodes).build()
-    mode, _ = fastest_mode(simulation.model, simulation._motion(), simulation.inputs.held())
+    mode, _ = fastest_mode(simulation.model, simulation.motion(), simulation.inputs.held())
     solver = ArcBaseline(nodes, STEP, mode.spectral_radius)
     solver.run((0.5,))  # compiles
     return solver
@@ -61,7 +61,7 @@ def test_a_second_of_simulation_costs_no_more_baselines_than_it_did(what):
 def test_a_force_evaluation_costs_no_more_than_a_few_of_the_stencils():
     simulation = scene_of("arc", 9).build()
     simulation.advance_to(0.1)
-    model, motion, held = simulation.model, simulation._motion(), simulation.inputs.held()
+    model, motion, held = simulation.model, simulation.motion(), simulation.inputs.held()
     baseline = _baseline(9)
     count = round(SPAN[-1] / STEP) * baseline.stages
 
