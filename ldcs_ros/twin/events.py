@@ -61,3 +61,11 @@ class PeriodicSource:
         """Emit the event."""
         self._ticks.advance()
         self._report(time, state)
+
+
+class ClockSource(PeriodicSource):
+    """A periodic source that reports no state: the solver takes no step for it."""
+
+    def needs_state(self, time: float) -> bool:
+        """Return False."""
+        return False

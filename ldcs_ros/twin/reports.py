@@ -80,11 +80,22 @@ class Reports:
             base = messages.transform(nanoseconds(time), self._frames.base, self._frames.tracker, *identity)
             self._send("/tf_static", messages.transforms([base]), nanoseconds(time))
 
+    def report_clock(self, time: float, state: State) -> None:
+        """Report the simulation time [s] on /clock."""
+        self._send("/clock", messages.clock(nanoseconds(time)), nanoseconds(time))
+
+    def report_transforms(self, time: float, state: State) -> None:
+        """Report the frames of the points at a time [s] on /tf."""
+        now, base, named = nanoseconds(time), self._frames.base, self._frames.named
+        stamped = [
+            messages.transform(now, base, named(point), *self._simulation.points[point].pose(state.position))
+            for point in self._truth
+        ]
+        self._send("/tf", messages.transforms(stamped), now)
+
     def report_state(self, time: float, state: State) -> None:
-        """Report a state at its time [s]: clock, nodes, true poses, joints, tf, and markers with subscribers."""
+        """Report a state at its time [s]: nodes, true poses, joints, and markers with subscribers."""
         simulation, now, base = self._simulation, nanoseconds(time), self._frames.base
-        if self._settings.publish_clock:
-            self._send("/clock", messages.clock(now), now)
         self._send("nodes", self._cloud.build(now, state.position, state.velocity), now)
         poses = {name: simulation.points[name].pose(state.position) for name in self._truth}
         for point, topic in self._truth.items():
@@ -92,10 +103,6 @@ class Reports:
         if simulation.arm_names:
             joints = (state.joint_angle, state.joint_rate, simulation.joint_torque)
             self._send("joint_states", messages.joint_states(now, simulation.joint_names, *joints), now)
-        if self._settings.publish_tf:
-            named = self._frames.named
-            stamped = [messages.transform(now, base, named(point), *pose) for point, pose in poses.items()]
-            self._send("/tf", messages.transforms(stamped), now)
         if self._settings.full_precision or self._has_subscribers("lattice_state"):
             message = lattice_state(now, base, simulation.lattice, simulation.arm_names, state)
             self._send("lattice_state", message, now)

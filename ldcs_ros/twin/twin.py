@@ -19,7 +19,7 @@ from ldcs_ros.messages.topics import TOPICS, Topic
 from ldcs_ros.physics.state import State
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.commands import Commands, Refusal
-from ldcs_ros.twin.events import EventSource, PeriodicSource
+from ldcs_ros.twin.events import ClockSource, EventSource, PeriodicSource
 from ldcs_ros.twin.reports import Reports
 from ldcs_ros.twin.sensor_suite import SensorSuite, pressure_parameters, tracker_parameters
 from ldcs_ros.twin.settings import RunSettings
@@ -108,6 +108,15 @@ class Twin:
         self._report = PeriodicSource(self.settings.publish_rate, self._report_state)
         # In this order at one time: a measurement that is delivered without delay belongs to that very report.
         self._sources: list[EventSource] = [sensors, self._report]
+        # Before all stamps of a time comes that time, and before the poses their frames.
+        if self.settings.publish_tf:
+            self._sources.insert(0, PeriodicSource(self.settings.publish_rate, self._report_transforms))
+        if self.settings.publish_clock:
+            rates = [
+                self.settings.publish_rate,
+                *(one.rate for one in (tracker, pressure) if one is not None),
+            ]
+            self._sources.insert(0, ClockSource(max(rates), self._reports.report_clock))
         if diagnostics:
             self._sources.append(PeriodicSource(DIAGNOSTICS_RATE, self._report_health))
         self.topics: dict[str, Topic] = dict(self._reports.topics)
@@ -302,10 +311,13 @@ class Twin:
         for profile, fraction in self._wrenches.take(self.time):
             self._hold_wrench(profile.frame, *profile.at(fraction))
 
-    def _report_state(self, time: float, state: State) -> None:
+    def _report_transforms(self, time: float, state: State) -> None:
         if self._first_report:
             self._first_report = False
             self._reports.report_static(time)
+        self._reports.report_transforms(time, state)
+
+    def _report_state(self, time: float, state: State) -> None:
         self._reports.report_state(time, state)
         self._report_solver(time)
         self._continue_vent()

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from fake_scene import SPEED, RailScene
 
+from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.messages.cdr import decode
+from ldcs_ros.twin.settings import RunSettings
+from ldcs_ros.twin.twin import Twin
 
 TRACKER = {"tracker": {"points": ["P0", "P1"], "rate": 80.0, "delay": 0.02, "noise": 1e-4, "seed": 3}}
 
@@ -116,3 +119,30 @@ def test_clock_and_tf_come_when_asked_for(run):
     assert len(collected.on("/tf_static")) == 1
     moving = decode("tf2_msgs/msg/TFMessage", collected.on("/tf")[0][2]).transforms
     assert [one.child_frame_id for one in moving] == ["P0", "P1"]
+
+
+def test_the_clock_ticks_with_the_fastest_stamp_and_frames_come_before_poses():
+    log = []
+    settings = RunSettings(publish_clock=True, publish_tf=True)
+    twin = Twin(load_scene("rig"), settings, sinks=[lambda topic, kind, cdr, time: log.append((topic, time))])
+    twin.advance_to(0.2)
+    clock = [time for topic, time in log if topic == "/clock"]
+    assert clock == [10_000_000 * k for k in range(21)], "the pressure gauges measure at 100 Hz"
+    for time in {time for topic, time in log if topic == "/tf"}:
+        topics = [topic for topic, at in log if at == time]
+        assert topics[0] == "/clock"
+        poses = [topics.index(topic) for topic in topics if topic.endswith("/pose")]
+        assert topics.index("/tf") < min(poses)
+    topics = [topic for topic, _ in log]
+    assert topics.index("/tf_static") < topics.index("/tf") and topics.count("/tf_static") == 1
+
+
+def test_the_clock_changes_no_state():
+    import numpy as np
+
+    states = []
+    for publish_clock in (False, True):
+        twin = Twin(load_scene("rig"), RunSettings(publish_clock=publish_clock))
+        twin.advance_to(0.1)
+        states.append(twin.simulation.state.position)
+    assert np.array_equal(*states)
