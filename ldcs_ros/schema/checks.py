@@ -23,7 +23,7 @@ class Checks:
         self._error = error
 
     def keys(
-        self, value: Any, known: Collection[str], path: str, *, required: Collection[str] = ()
+        self, value: object, known: Collection[str], path: str, *, required: Collection[str] = ()
     ) -> dict[str, Any]:
         """Return a mapping whose keys are all known and that has those that are required; '' is the whole file."""
         place = path or "the file"
@@ -38,38 +38,38 @@ class Checks:
                 raise self._error(f"missing key {key!r} @ {place}")
         return value
 
-    def items(self, value: Any, path: str) -> list[Any]:
+    def items(self, value: object, path: str) -> list[Any]:
         """Return a list."""
         if not isinstance(value, list):
             self.refuse(value, "a list", path)
         return value
 
-    def choice(self, value: Any, known: Collection[str], path: str) -> str:
+    def choice(self, value: object, known: Collection[str], path: str) -> str:
         """Return one of a few words."""
         if not isinstance(value, str) or value not in known:
             self.refuse(value, f"one of {list(known)}.{did_you_mean(value, known)}".removesuffix("."), path)
         return value
 
-    def text(self, value: Any, path: str) -> str:
+    def text(self, value: object, path: str) -> str:
         """Return a text."""
         if not isinstance(value, str):
             self.refuse(value, "text", path)
         return value
 
-    def truth(self, value: Any, path: str) -> bool:
+    def truth(self, value: object, path: str) -> bool:
         """Return true or false."""
         if not isinstance(value, bool):
             self.refuse(value, "true or false", path)
         return value
 
     def number(
-        self, value: Any, path: str, *, low: float = -math.inf, high: float = math.inf, unit: str = ""
+        self, value: object, path: str, *, low: float = -math.inf, high: float = math.inf, unit: str = ""
     ) -> float:
         """Return a finite number within its bounds."""
         with self.at(path):
             return finite_number(value, low=low, high=high, unit=unit)
 
-    def whole(self, value: Any, path: str, *, low: float = -math.inf, high: float = math.inf) -> int:
+    def whole(self, value: object, path: str, *, low: float = -math.inf, high: float = math.inf) -> int:
         """Return a whole number within its bounds."""
         with self.at(path):
             return whole_number(value, low=low, high=high)
@@ -91,7 +91,7 @@ class Checks:
             self.number(item, f"{path}[{k}]", low=low, high=high, unit=unit) for k, item in enumerate(value)
         )
 
-    def declared(self, cls: type, block: Any, path: str, *, extra: tuple[str, ...] = ()) -> dict[str, Any]:
+    def declared(self, cls: type, block: object, path: str, *, extra: tuple[str, ...] = ()) -> dict[str, Any]:
         """Return the values of a block whose keys are the declared fields of a dataclass.
 
         Args:
@@ -118,6 +118,6 @@ class Checks:
         except ValueError as error:
             raise self._error(f"{error} @ {path}") from error
 
-    def refuse(self, value: Any, expected: str, path: str) -> NoReturn:
+    def refuse(self, value: object, expected: str, path: str) -> NoReturn:
         """Raise the error for a value that is not the expected one."""
         raise self._error(f"got {shown(value)}, expected {expected} @ {path}")

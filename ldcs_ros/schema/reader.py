@@ -134,7 +134,7 @@ class _Builder:
         anchors: Finished values by anchor, each with its count.
     """
 
-    events: Iterator[Any]
+    events: Iterator[yaml.Event]
     origin: str
     error: type[LdcsError]
     count: int = 0
@@ -151,7 +151,7 @@ class _Builder:
                 content = self.value(next(self.events), "", 0)
         return content
 
-    def value(self, event: Any, path: str, depth: int) -> Any:
+    def value(self, event: yaml.Event, path: str, depth: int) -> Any:
         before = self.count
         self.add(1, path, event)
         if isinstance(event, yaml.AliasEvent):
@@ -234,12 +234,12 @@ class _Builder:
             self.refuse(f"got {shown(text)}, expected the type !!{asked}", path, event)
         return value
 
-    def add(self, count: int, path: str, event: Any) -> None:
+    def add(self, count: int, path: str, event: yaml.Event) -> None:
         self.count += count
         if self.count > MAX_VALUES:
             self.refuse(f"got more than {MAX_VALUES} values, aliases included", path, event)
 
-    def refuse(self, problem: str, path: str, event: Any) -> NoReturn:
+    def refuse(self, problem: str, path: str, event: yaml.Event) -> NoReturn:
         place = " ".join(path.split())
         place = place if len(place) <= 120 else f"{place[:117]}..."
         where = f": {place}" if place else ""
