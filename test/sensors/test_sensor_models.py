@@ -102,3 +102,22 @@ def test_a_sensor_that_cannot_be_is_refused_by_name(changes, named):
 def test_a_pressure_sensor_that_cannot_be_is_refused_by_name():
     with pytest.raises(SceneError, match="sensors.pressure.rate"):
         PressureSensorParameters(rate=-1.0)
+
+
+@pytest.mark.parametrize("rate", [1e-3, 1e4])
+def test_rates_are_accepted_up_to_their_bounds_and_refused_beyond(rate):
+    beyond = rate * (0.999 if rate < 1.0 else 1.001)
+    for make in (
+        lambda value: TrackerParameters(("P0",), rate=value),
+        lambda value: PressureSensorParameters(value),
+    ):
+        assert make(rate).rate == rate
+        with pytest.raises(SceneError, match="rate"):
+            make(beyond)
+
+
+def test_the_noise_of_both_sensors_has_seeds_of_its_own_within_63_bits():
+    assert (TrackerParameters(("P0",)).seed, PressureSensorParameters().seed) == (1, 2)
+    assert TrackerParameters(("P0",), seed=2**63 - 1).seed == 2**63 - 1
+    with pytest.raises(SceneError, match="seed"):
+        TrackerParameters(("P0",), seed=2**64)
