@@ -251,7 +251,10 @@ class Run:
             self.device.tracks = True
             self.start(mode="mirror", record=self.folder / "bags")
         else:
-            self.start(**self.event.parameters)
+            given = dict(self.event.parameters)
+            if "record" in given:
+                given["record"] = self.folder / str(given["record"])
+            self.start(**given)
         if phase in (IDLE, HELD, MIRROR):
             ready = self.until(lambda: self._answers() or self.bridge.exit_status is not None, START_TIME)
             self.require(ready and self.bridge.exit_status is None, "the bridge did not start")
