@@ -36,6 +36,7 @@ def test_it_runs_and_says_what_is_left_out_and_why(start, tmp_path, broken_tf2_m
     assert told["tf2_msgs"] == "cannot be loaded: undefined symbol: PyOther (/tf and /tf_static)"
     (line,) = [line for line in node.output.splitlines() if "left out" in line]
     assert "not installed, left out: ldcs_msgs (" in line
+    assert line.endswith("build ldcs_msgs in the checkout: colcon build --base-paths . msg_defs")
     assert "cannot be loaded: undefined symbol: PyOther, left out: tf2_msgs" in line
     services = {name for name, _ in user.node.get_service_names_and_types()}
     assert "/ldcs/ldcs_sim/pause" in services and "/ldcs/ldcs_sim/load_scene" not in services

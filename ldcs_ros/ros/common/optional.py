@@ -15,6 +15,8 @@ OPTIONAL: dict[str, str] = {
     "tf2_msgs": "/tf and /tf_static",
     "launch": "the launch files",
 }
+BUILD_ADVICE = "build ldcs_msgs in the checkout: colcon build --base-paths . msg_defs"
+"""colcon looks for no package inside another, so a clone in src/ builds ldcs_ros alone."""
 # A message of each package of messages: whether its library fits this Python and this ROS shows when it is loaded.
 _PROBES = {
     "ldcs_msgs": "ldcs_msgs/msg/LatticeState",
@@ -49,7 +51,8 @@ def missing_line() -> str:
     groups: dict[str, list[str]] = {}
     for name, why in import_problems.items():
         groups.setdefault(why, []).append(f"{name} ({OPTIONAL[name]})")
-    return "; ".join(f"{why}, left out: {', '.join(names)}" for why, names in groups.items() if why)
+    line = "; ".join(f"{why}, left out: {', '.join(names)}" for why, names in groups.items() if why)
+    return f"{line}; {BUILD_ADVICE}" if import_problems["ldcs_msgs"] else line
 
 
 def interface_states(used: set[str]) -> dict[str, str]:
