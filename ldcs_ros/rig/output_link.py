@@ -231,7 +231,8 @@ class OutputLink(Link):
         for sent, stamp, received in exchange.round_trips:
             if self.clock_estimate is not None:
                 self.clock_estimate.round_trip(sent, stamp, received)
-        for raw in exchange.readings:
+        # A rig on topics is heard by the bridge itself, with stamps; copies without them would hide old readings.
+        for raw in exchange.readings if self._program == WIRE_PROGRAM else ():
             self._readings.append(
                 Reading(raw.kind, raw.arm, np.array(raw.value), raw.heard, self.name, raw.stamp)
             )
