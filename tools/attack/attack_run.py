@@ -333,12 +333,13 @@ class Run:
             self._end()
         status = self.bridge.exit_status
         self.require(status == 2, f"exit status {status}, expected 2")
-        lines = [line for line in self.bridge.text() if line.strip()]
+        # ROS itself logs a parameter file that it cannot parse, before the bridge's own line.
+        lines = [line for line in self.bridge.text() if line.strip() and "[rcl]" not in line]
         self.require(len(lines) == 1, f"{len(lines)} lines instead of one")
         if self.event.seen:
             self._require_words(self.event.seen, 0.0)
         self.require(not self.chambers.requests, "a set-point was written")
-        return self._row(0.0, 0.0, lines[-1] if lines else "nothing", status)
+        return self._row(0.0, 0.0, _plain(lines[-1]) if lines else "nothing", status)
 
     def _end(self) -> int | None:
         """Interrupt what still runs; return the exit status of the bridge under attack."""
