@@ -61,8 +61,9 @@ class Limits:
         return self.pressure / self.vent_ramp
 
     def bounded(self, pressure: Sequence[float]) -> Pressures:
-        """Return pressures [Pa] within 0 and the largest one."""
-        return tuple(min(max(value, 0.0), self.pressure) for value in pressure)
+        """Return pressures [Pa] within 0 and the largest one; 0 for what is not a number."""
+        # Python's max returns its first argument when the second one is not a number.
+        return tuple(min(max(0.0, value), self.pressure) for value in pressure)
 
     def step(self, present: Sequence[float], target: Sequence[float], duration: float) -> Pressures:
         """Return set-points [Pa] that go from the present ones towards the target ones within bounds and slew.
