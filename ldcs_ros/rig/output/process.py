@@ -17,7 +17,7 @@ from ldcs_ros.rig.limits import Limits
 from ldcs_ros.rig.output.device import Device
 from ldcs_ros.rig.output.modbus import ModbusDevice, ModbusMap
 from ldcs_ros.rig.output.serial_line import SerialDevice, SerialSettings
-from ldcs_ros.rig.output.stage import ORPHAN_PATIENCE, OutputStage
+from ldcs_ros.rig.output.stage import ORPHAN_PATIENCE, RETRY_PERIOD, OutputStage
 from ldcs_ros.rig.units import PressureUnit
 
 UNCONFIRMED = 3
@@ -145,30 +145,43 @@ def _first(channel: Channel, key: str, terminated: list[int]) -> dict[str, Any] 
 
 def _run(stage: OutputStage, channel: Channel, terminated: list[int]) -> int:
     due = time.monotonic()
+    bridge = os.getppid()
     lost = False
     while not stage.ended:
         wait = min(max(due - time.monotonic(), 0.0), _LONGEST_WAIT)
-        if lost:
-            time.sleep(wait)
-        else:
-            select.select([channel], [], [], wait)
-            for message in channel.receive():
-                _obey(stage, message)
-        if not lost and (channel.lost or terminated):
-            lost = channel.lost
-            why = "the bridge is gone" if channel.lost else "the output process was told to end"
-            stage.end(why, ORPHAN_PATIENCE)
-            terminated.clear()
-            if stage.commands and lost:
-                print(f"output: {why}; the arms are vented", file=sys.stderr, flush=True)
-        now = time.monotonic()
-        if now >= due:
-            due = max(due + stage.step(), now)
-            channel.send(stage.exchange().as_dict())
+        try:
+            if lost:
+                time.sleep(wait)
+            else:
+                select.select([channel], [], [], wait)
+                for message in channel.receive():
+                    _obey(stage, message)
+            # A process that inherited the bridge's end of the socket keeps it open: the parent counts as well.
+            gone = channel.lost or os.getppid() != bridge
+            if not lost and (gone or terminated):
+                lost = gone
+                why = "the bridge is gone" if gone else "the output process was told to end"
+                stage.end(why, ORPHAN_PATIENCE)
+                terminated.clear()
+                if stage.commands and lost:
+                    _say(f"output: {why}; the arms are vented")
+            now = time.monotonic()
+            if now >= due:
+                due = max(due + stage.step(), now)
+                channel.send(stage.exchange().as_dict())
+        except Exception as error:  # whatever it is: the process lives on and vents; the bridge reads why
+            stage.vent(f"the output process failed: {error!r}")
+            due = time.monotonic() + RETRY_PERIOD
     if lost and not stage.confirmed:
         holding = stage.monitor.holding() or "the arms may hold pressure"
-        print(f"output: no zero was confirmed: {holding}; cut the supply", file=sys.stderr, flush=True)
+        _say(f"output: no zero was confirmed: {holding}; cut the supply")
     return 0 if stage.confirmed else UNCONFIRMED
+
+
+def _say(line: str) -> None:
+    """Print to a terminal, which may be closed: that must not end a vent."""
+    with contextlib.suppress(OSError, ValueError):
+        print(line, file=sys.stderr, flush=True)
 
 
 def _obey(stage: OutputStage, message: dict[str, Any]) -> None:
