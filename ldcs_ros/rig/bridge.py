@@ -112,6 +112,8 @@ class Bridge:
     def protect(self) -> None:
         """Take what came, judge it, and hand on set-points or a vent; this part waits for no simulation."""
         now = self._clock()
+        for link in self.links:
+            link.check()
         self._samples += [sample for sample in map(self.intake.take, self._readings()) if sample is not None]
         for sample in self._samples:
             self._note(sample)
@@ -156,8 +158,34 @@ class Bridge:
         found += [
             f"{arm} holds {value / 1e3:.1f} kPa; call disarm, which vents it" for arm, value in full.items()
         ]
+        if not full and self.holding():
+            found.append(f"{self.holding()}; call disarm, which vents it")
         found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
         return found
+
+    def holding(self) -> str:
+        """Return which arms hold pressure or work to a set-point, as a link that commands says; '' for none."""
+        return ", ".join(filter(None, (link.status.holding for link in self.links if link.commands)))
+
+    def alarm(self) -> str:
+        """Return what is wrong beside trips, in words; '' for nothing.
+
+        That is a rig that holds pressure before the first arming, or a vent without a confirmed zero in time.
+        """
+        gate, limits = self.gate, self.rig.limits
+        if gate.state is GateState.DISARMED and self.holding():
+            return f"{self.holding()} before the first arming: call disarm, which vents"
+        vented_for = gate.venting_for
+        if gate.state is not GateState.VENTED or vented_for is None or vented_for < limits.vent_time:
+            return ""
+        full = [arm for arm, value in self.measured.items() if value > 0.1 * limits.pressure]
+        if full:
+            return f"{', '.join(full)} still holds pressure: cut the supply"
+        missing = [link for link in self.links if link.commands and not link.status.zero_confirmed]
+        if missing and vented_for > limits.command_timeout + limits.vent_time:
+            why = missing[0].error or missing[0].status.holding or "no read-back of zero"
+            return f"the rig has not confirmed a set-point of zero ({why}): cut the supply"
+        return ""
 
     def now(self) -> float:
         """Return the steady time [s]."""
@@ -175,13 +203,6 @@ class Bridge:
             self.measured[sample.name] = float(sample.value)
         elif sample.kind == "pressure_command":
             self._setpoints[sample.name] = float(sample.value)
-
-    @property
-    def held_before_arming(self) -> str:
-        """Arms that hold pressure or work to a set-point before the first arming, in words; '' for none."""
-        if self.gate.state is not GateState.DISARMED:
-            return ""
-        return ", ".join(filter(None, (link.status.holding for link in self.links if link.commands)))
 
     def _guard(self, now: float) -> None:
         """Vent when something is wrong that commands cannot mend."""

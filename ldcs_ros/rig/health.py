@@ -41,16 +41,14 @@ class Health:
         level, words = OK, f"{gate.mode.value}: commands nothing"
         if gate.state is GateState.DISARMED:
             level, words = OK, "live, not armed: call arm"
-            holding = self._bridge.held_before_arming
-            if holding:
-                level, words = ERROR, f"{holding} before the first arming: call disarm, which vents"
+            if self._bridge.alarm():
+                level, words = ERROR, self._bridge.alarm()
         elif gate.state is GateState.ARMED:
             level, words = OK, "live, armed"
         elif gate.state is GateState.VENTED:
             level, words = ERROR, f"vented: {gate.reason}; call arm after the repair"
-            full = self._still_full()
-            if full:
-                words = f"{full} still holds pressure: cut the supply; {words}"
+            if self._bridge.alarm():
+                words = f"{self._bridge.alarm()}; {words}"
         values: dict[str, Any] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
         setpoints = gate.setpoint
         for arm, value in zip(self._bridge.twin.simulation.arm_names, setpoints, strict=True):
@@ -61,14 +59,6 @@ class Health:
         values["last refusal"] = gate.last_refusal or "none"
         values["clipped by the output stage"] = sum(link.status.clipped for link in self._bridge.links)
         return Status("gate", level, words, values)
-
-    def _still_full(self) -> str:
-        bridge = self._bridge
-        for_how_long = bridge.gate.venting_for
-        if for_how_long is None or for_how_long < bridge.rig.limits.vent_time:
-            return ""
-        bound = 0.1 * bridge.rig.limits.pressure
-        return ", ".join(arm for arm, value in bridge.measured.items() if value > bound)
 
     def _links(self) -> Status:
         links = self._bridge.links

@@ -76,6 +76,9 @@ class Link:
     def wait_until_ready(self) -> None:
         """Wait until set-points can go this way."""
 
+    def check(self) -> None:
+        """Notice that what serves this link has ended."""
+
     def send(self, pressure: Pressures, epoch: int) -> None:
         """Hand on set-points of an armed gate: gauge [Pa], one for each arm, and the epoch of their arming."""
 

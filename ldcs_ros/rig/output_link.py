@@ -18,7 +18,7 @@ import numpy as np
 from ldcs_ros.rig.clocks import ClockEstimate
 from ldcs_ros.rig.limits import Limits, Pressures
 from ldcs_ros.rig.link import Link, RawFrame
-from ldcs_ros.rig.output.process import Channel
+from ldcs_ros.rig.output.process import UNCONFIRMED, Channel
 from ldcs_ros.rig.output.stage import Exchange, OutputStatus
 from ldcs_ros.rig.reading import ARM_NAMES, Reading
 
@@ -27,6 +27,7 @@ _LOOK = 0.05
 _LONGEST_SILENCE = 1.0  # s: an exchange with a device that answers late takes less
 _LONGEST_START = 20.0  # s: a process that loads ROS on a busy machine takes less
 _ENDING = 1.0  # s beyond the time of a vent, for the process to end
+_MOST_ENDINGS = 2  # processes that are lost during the end and replaced
 
 
 class _Process:
@@ -45,6 +46,7 @@ class _Process:
         self.channel = Channel(ours)
         self.channel.send(description)
         self.patience = _LONGEST_START
+        self.silence = 0.0
 
     def begin(self, how: dict[str, Any]) -> None:
         """Let the standby process take the device."""
@@ -117,7 +119,10 @@ class OutputLink(Link):
         self._standby: _Process | None = None
         self._epoch = 0
         self._lost_reason = ""
-        self._ending = False
+        self._ending: dict[str, Any] | None = None
+        self._end_by = 0.0
+        self._endings = 0
+        self._ended = False
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -147,18 +152,24 @@ class OutputLink(Link):
         self._epoch = max(self._epoch, epoch)
         self._tell({"vent": reason, "epoch": self._epoch})
 
+    def check(self) -> None:
+        """Report a dead watch thread as a broken connection."""
+        if self._thread is not None and not self._thread.is_alive():
+            self.connected, self.error = False, "the thread that watches the output process has ended"
+
     def stop(self) -> str:
         """Vent where it may write, end the processes; return which arms may hold pressure, '' for none."""
         if self._thread is None:
             return ""
-        self._ending = True
         patience = self._limits.command_timeout + self._limits.vent_time
-        self._tell({"end": "the bridge ends", "patience": patience})
-        deadline = time.monotonic() + patience + _ENDING
-        while time.monotonic() < deadline and self._active is not None:
-            if self._active.process.poll() is not None:
-                break
-            time.sleep(0.01)
+        with self._lock:
+            self._ending = {"end": "the bridge ends", "patience": patience}
+            self._end_by = time.monotonic() + patience + _ENDING
+            if self._active is not None:
+                self._active.channel.send(self._ending)
+        while time.monotonic() < self._end_by and not self._ended and self._thread.is_alive():
+            self._tell(self._ending)  # again, because a full channel drops a message
+            time.sleep(0.02)
         self._stopping.set()
         self._thread.join(2.0)
         with self._lock:
@@ -191,39 +202,63 @@ class OutputLink(Link):
 
     def _watch(self) -> None:
         """Take what the process sends; replace it when it ends or says nothing."""
-        silence = 0.0
-        while not self._stopping.is_set():
-            with self._lock:
-                active = self._active
+        while not self._stopping.is_set() and not self._ended:
+            active = self._active
             if active is None:
                 return
-            # Silence is counted in waits: time in which the bridge itself was stopped does not count.
-            if select.select([active.channel], [], [], _LOOK)[0]:
-                silence = 0.0
-                for message in active.channel.receive():
-                    active.patience = _LONGEST_SILENCE
-                    self._take(Exchange.from_dict(message))
-                if active.channel.lost and not self._ending:
-                    self._replace(active, f"the output process ended (status {active.process.poll()})")
-                elif active.channel.lost:
-                    return
-            else:
-                silence += _LOOK
-                if silence > active.patience and not self._ending:
-                    self._replace(active, f"the output process was silent for {silence:.1f} s")
-                    silence = 0.0
+            try:
+                why = self._hear(active)
+            except Exception as error:  # a process that sends nonsense is as good as lost
+                why = f"the output process sends nonsense: {error!r}"
+            if not why:
+                continue
+            try:
+                self._replace(active, why)
+            except (OSError, subprocess.SubprocessError) as error:
+                # No process can be started now: the next pass tries again.
+                self.connected, self.error = False, f"{why}; no other one starts: {error}"
+                time.sleep(_LOOK)
+
+    def _hear(self, active: _Process) -> str:
+        """Take what the process sent; return why it is lost, '' while it is not."""
+        # Silence is counted in waits: time in which the bridge itself was stopped does not count.
+        if not select.select([active.channel], [], [], _LOOK)[0]:
+            active.silence += _LOOK
+            if active.silence <= active.patience:
+                return ""
+            return f"the output process was silent for {active.silence:.1f} s"
+        active.silence = 0.0
+        for message in active.channel.receive():
+            active.patience = _LONGEST_SILENCE
+            self._take(Exchange.from_dict(message))
+        if not active.channel.lost:
+            return ""
+        status = active.process.wait(1.0)
+        if self._ending is not None and status in (0, UNCONFIRMED):
+            self._ended = True
+            return ""
+        return f"the output process ended (status {status})"
 
     def _replace(self, active: _Process, why: str) -> None:
         active.kill()
         with self._lock:
             self.replaced += 1
             self.connected, self.error = False, why
+            if self._ending is not None:
+                self._endings += 1
+                if self._endings > _MOST_ENDINGS or not self.commands:
+                    self._ended = True
+                    return
+                self._end_by += _LONGEST_SILENCE + self._limits.command_timeout + self._limits.vent_time
             replacement = self._standby if self.commands else None
             if replacement is None or replacement.process.poll() is not None:
                 replacement = _Process(self._program, self._description)
             replacement.begin(self._beginning(why if self.commands else ""))
             self._active = replacement
-            if self.commands:
+            if self._ending is not None:
+                replacement.channel.send(self._ending)
+                self._standby = None
+            elif self.commands:
                 self._standby = _Process(self._program, self._description)
 
     def _take(self, exchange: Exchange) -> None:

@@ -94,10 +94,11 @@ class TopicLink(Link):
         # DDS connects by itself, and silence is noticed as such.
         self.connected, self.error = True, ""
 
-    def receive(self, topic: str, cdr: bytes) -> None:
-        """Take a message's bytes; what makes no sense is counted."""
+    def receive(self, topic: str, cdr: bytes, heard: float | None = None) -> None:
+        """Take a message's bytes, heard at a steady time [s] or now; what makes no sense is counted."""
         rule = self.incoming[topic]
-        self._frames.append(RawFrame(topic, False, cdr, self.clock(), rule.type))
+        heard = self.clock() if heard is None else heard
+        self._frames.append(RawFrame(topic, False, cdr, heard, rule.type))
         try:
             message = decode(rule.type, cdr)
             found = values_of(rule, message)
@@ -106,9 +107,8 @@ class TopicLink(Link):
             return
         header = getattr(message, "header", None)
         stamp = None if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
-        now = self.clock()
         for name, value in found:
-            self._readings.append(Reading(rule.gives, name, value, now, topic, stamp or None, rule.age))
+            self._readings.append(Reading(rule.gives, name, value, heard, topic, stamp or None, rule.age))
 
 
 def values_of(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:

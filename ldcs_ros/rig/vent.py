@@ -6,10 +6,13 @@ import time
 from collections.abc import Callable
 
 from ldcs_ros.errors import BridgeError
+from ldcs_ros.rig.output.limiter import OutputState
 from ldcs_ros.rig.rig_file import RigFile
 
-START_TIME = 3.0
-"""Time that an output process may take to start and to connect [s]."""
+START_TIME = 20.0
+"""Time that an output process may take to start on a busy machine [s]."""
+CONNECT_TIME = 2.0
+"""Time from then on to the connection with the device [s]."""
 
 
 def vent_rig(
@@ -38,11 +41,17 @@ def vent_rig(
         )
     (link,) = links
     link.start(vent="vent asked for by the operator")
-    end = clock() + START_TIME + rig.limits.command_timeout + rig.limits.vent_time
+    patience = CONNECT_TIME + rig.limits.command_timeout + rig.limits.vent_time
+    end, started = clock() + START_TIME + patience, False
     next_line = clock()
-    while clock() < end and not link.status.zero_confirmed:
-        if clock() >= next_line:
-            next_line += 0.5
-            show(link.status.holding or link.error or "waiting for a confirmed zero")
-        time.sleep(0.02)
+    try:
+        while clock() < end and not link.status.zero_confirmed:
+            if not started and link.status.state == OutputState.VENTED.value:
+                started, end = True, clock() + patience
+            if clock() >= next_line:
+                next_line += 0.5
+                show(link.status.holding or link.error or "waiting for a confirmed zero")
+            time.sleep(0.02)
+    except KeyboardInterrupt:
+        show("the vent goes on to its end")
     return link.stop()

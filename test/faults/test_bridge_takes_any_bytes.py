@@ -10,7 +10,7 @@ from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.mock_rig.rig import MockRig
 from ldcs_ros.mock_rig.topics import Topics
 from ldcs_ros.rig.bridge import Bridge
-from ldcs_ros.rig.gate import RunMode
+from ldcs_ros.rig.gate import Mode
 from ldcs_ros.rig.rig_file import load_rig
 from ldcs_ros.ros.rig.rig_bridge import RigBridge
 
@@ -18,9 +18,7 @@ JUNK = (b"", b"\0", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff\xff", pressure_command([
 
 
 def test_the_bridge_counts_bytes_that_are_no_command_and_goes_on():
-    bridge = Bridge(
-        load_scene("rig"), load_rig("controller_topics"), mode=RunMode.SHADOW, clock=time.monotonic
-    )
+    bridge = Bridge(load_scene("rig"), load_rig("controller_topics"), mode=Mode.SHADOW, clock=time.monotonic)
     node = RigBridge.__new__(RigBridge)
     heard = time.monotonic()
     node._bridge, node._commands = bridge, deque((heard, cdr) for cdr in [*JUNK, pressure_command([1e5])])

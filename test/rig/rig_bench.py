@@ -72,9 +72,9 @@ class InlineOutput(Link):
         self.connected = True
         receive = listener.receive
 
-        def hear(topic, cdr):
+        def hear(topic, cdr, heard=None):
             before = len(listener._readings)
-            receive(topic, cdr)
+            receive(topic, cdr, heard)
             for reading in list(listener._readings)[before:]:
                 if reading.kind != "position":
                     device.report(reading.kind, reading.name, float(reading.value))

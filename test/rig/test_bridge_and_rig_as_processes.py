@@ -104,9 +104,21 @@ def test_a_fault_on_a_wire_is_seen_and_vents_in_time(pair, transport):
     run = pair(transport, mode="live")
     for fault, value, entry, words in ON_WIRES[transport]:
         break_and_watch(run, fault, value, entry, words)
+        run.break_rig(fault, type(value)())
     assert run.seen()["gate"][2]["clipped by the output stage"] == "0"
+    run.user.until(lambda: run.seen()["links"][0] == 0, 5.0)
     assert run.bridge.interrupt() == 0
     assert run.rig.interrupt() == 0
+
+
+def test_an_end_without_a_confirmed_zero_is_no_success(pair):
+    run = pair("modbus", mode="live")
+    run.arm()
+    run.break_rig("drop", True)
+    run.user.until(lambda: has_come(run, "links", "valve island"), 5.0)
+    assert run.bridge.interrupt() == 1
+    last = run.bridge.log.read_text().splitlines()[-1]
+    assert "no zero was confirmed" in last and "cut the supply" in last
 
 
 def test_shadow_listens_records_two_bags_and_commands_nothing(pair, tmp_path):

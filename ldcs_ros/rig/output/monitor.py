@@ -76,10 +76,10 @@ class WriteMonitor:
         elif self._zero_since is None:
             self._zero_since = now
 
-    def note_read_back(self, arm: str, pressure: float) -> None:
-        """Take the set-point that the rig says it works to [Pa]."""
+    def note_read_back(self, arm: str, pressure: float, heard: float) -> None:
+        """Take the set-point that the rig says it works to [Pa], heard at a steady time [s]."""
         now = self._clock()
-        self.read_back[arm], self._read_back_at[arm] = pressure, now
+        self.read_back[arm], self._read_back_at[arm] = pressure, heard
         if self._writing_since is None or arm not in self._arms:
             return
         index = self._arms.index(arm)
@@ -91,10 +91,10 @@ class WriteMonitor:
         else:
             self._mismatch_since.setdefault(arm, now)
 
-    def note_measured(self, arm: str, pressure: float) -> None:
-        """Take a measured gauge pressure [Pa]."""
+    def note_measured(self, arm: str, pressure: float, heard: float) -> None:
+        """Take a measured gauge pressure [Pa], heard at a steady time [s]."""
         now = self._clock()
-        self.measured[arm], self._measured_at[arm] = pressure, now
+        self.measured[arm], self._measured_at[arm] = pressure, heard
         if pressure > (1.0 + MEASURED_TOLERANCE) * self._limits.pressure:
             self._excess_since.setdefault(arm, now)
         else:
@@ -153,7 +153,8 @@ class WriteMonitor:
         if self._acknowledges:
             return self._acknowledged_at > since
         return all(
-            self._measured_at.get(arm, -1.0) > since and self.measured[arm] <= EMPTY * self._limits.pressure
+            self._measured_at.get(arm, -1.0) > since
+            and abs(self.measured[arm]) <= EMPTY * self._limits.pressure
             for arm in self._arms
         )
 

@@ -126,6 +126,7 @@ class OutputStage:
         self._error = "not opened yet"
         self._drops = 0
         self._deadline: float | None = None
+        self._taken = device.take()  # what came before the device was in use says nothing about now
         self.ended = False
         self.confirmed = not commands
 
@@ -157,9 +158,7 @@ class OutputStage:
             self.device.exchange(setpoint)
             self._connected, self._error = True, ""
             self.monitor.note_sent(setpoint)
-        except (
-            Exception
-        ) as error:  # foreign bytes and foreign libraries fail in many ways: all are a lost connection
+        except Exception as error:  # foreign bytes fail in as many ways as there are bytes
             self._disconnect(str(error) or repr(error))
             wait = RETRY_PERIOD
         self._taken = self.device.take()
@@ -213,9 +212,9 @@ class OutputStage:
                 self.monitor.note_acknowledged()
         for reading in readings:
             if reading.kind == "pressure_command":
-                self.monitor.note_read_back(reading.arm, reading.value)
+                self.monitor.note_read_back(reading.arm, reading.value, reading.heard)
             else:
-                self.monitor.note_measured(reading.arm, reading.value)
+                self.monitor.note_measured(reading.arm, reading.value, reading.heard)
         if self.limiter.state is OutputState.ACTIVE:
             fault = self.monitor.fault()
             if fault:

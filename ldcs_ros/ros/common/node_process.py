@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -203,7 +204,8 @@ def _run(
         node.stop()
         if node.failure != before:
             # The end itself failed: the last line on the terminal says so.
-            print(f"{name}: {node.failure}", file=sys.stderr, flush=True)
+            with contextlib.suppress(OSError):  # the terminal may be gone
+                print(f"{name}: {node.failure}", file=sys.stderr, flush=True)
         return 1 if node.failure else 0
     finally:
         if node is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 import time
@@ -110,7 +111,7 @@ class RigBridge(Node):
     def _vent(self, rig: RigFile) -> None:
         """Vent the rig and finish: the mode of an operator who has nothing else."""
         self._stopping.set()
-        left = vent_rig(rig, show=lambda line: print(line, file=sys.stderr, flush=True))
+        left = vent_rig(rig, show=_say)
         if left:
             self.failure = f"{left}; cut the supply"
             self.get_logger().error(self.failure)
@@ -156,15 +157,16 @@ class RigBridge(Node):
             if not isinstance(link, TopicLink):
                 continue
             for topic, rule in link.incoming.items():
-                callback = partial(link.receive, topic)
+                callback = partial(self._read, link, topic)
                 self.create_subscription(message_type(rule.type), topic, callback, listening, raw=True)
         self.create_service(Trigger, "~/arm", self._arm)
         self.create_service(Trigger, "~/disarm", self._disarm)
 
     def _hear(self, cdr: bytes, info: MessageInfo) -> None:
-        # A command waits in the queue of DDS while this process is stopped or starved: that age counts.
-        waited = max(time.time_ns() - info["received_timestamp"], 0) * 1e-9
-        self._commands.append((time.monotonic() - waited, cdr))
+        self._commands.append((_heard(info), cdr))
+
+    def _read(self, link: TopicLink, topic: str, cdr: bytes, info: MessageInfo) -> None:
+        link.receive(topic, cdr, _heard(info))
 
     def _arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
@@ -199,9 +201,7 @@ class RigBridge(Node):
     def _repeat(self) -> None:
         duration = self._value("duration")
         periodic_tasks = [PeriodicTask(DIAGNOSTICS_PERIOD, self._diagnose)]
-        periodic_tasks.append(
-            PeriodicTask(STATUS_PERIOD, lambda: print(headline(self._bridge), file=sys.stderr, flush=True))
-        )
+        periodic_tasks.append(PeriodicTask(STATUS_PERIOD, lambda: _say(headline(self._bridge))))
         deadline = time.monotonic()
         while not self._stopping.is_set():
             with self._lock:
@@ -231,9 +231,9 @@ class RigBridge(Node):
     def _announce(self) -> None:
         """Log each trip, and each kind of refusal at most once in a while."""
         gate = self._bridge.gate
-        self._log.holding(self._bridge.held_before_arming)
         self._log.trip(gate.reason, gate.trips)
         self._log.refusals(gate.refused, gate.last_refusal)
+        self._log.alarm(self._bridge.alarm())
 
     def _diagnose(self) -> None:
         statuses = [*self._health.read(), self._recording()]
@@ -246,3 +246,15 @@ class RigBridge(Node):
         problem = recorder.error or bag.error
         values = {"twin messages": recorder.count, "rig messages": bag.count}
         return Status("recorder", ERROR if problem else OK, problem or "recording", values)
+
+
+def _heard(info: MessageInfo) -> float:
+    """Return the steady time at which a message was heard [s]: it waits in DDS while this process is starved."""
+    waited = max(time.time_ns() - info["received_timestamp"], 0) * 1e-9
+    return time.monotonic() - waited
+
+
+def _say(line: str) -> None:
+    """Print to the terminal; a terminal that is gone ends no bridge, SIGHUP does in order."""
+    with contextlib.suppress(OSError):
+        print(line, file=sys.stderr, flush=True)

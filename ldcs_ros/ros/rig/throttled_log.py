@@ -9,6 +9,9 @@ from typing import Protocol
 PERIOD = 2.0
 """Shortest time between two lines on one kind of refusal [s]."""
 
+ALARM_PERIOD = 10.0
+"""Time between two lines on something that stays wrong [s]."""
+
 
 class Logger(Protocol):
     """A ROS logger."""
@@ -31,7 +34,7 @@ class ThrottledLog:
     def __init__(self, logger: Logger, clock: Callable[[], float]) -> None:
         self._logger, self._clock = logger, clock
         self._trips = 0
-        self._holding = ""
+        self._alarmed_at: float | None = None
         self._logged: Counter[str] = Counter()
         self._logged_at: dict[str, float] = {}
 
@@ -41,11 +44,14 @@ class ThrottledLog:
             self._trips = count
             self._logger.error(f"vented: {reason}; call arm after the repair")
 
-    def holding(self, words: str) -> None:
-        """Log once that arms hold pressure before the first arming: which and how much, in words; '' for none."""
-        if words and not self._holding:
-            self._logger.error(f"{words} before the first arming: call disarm, which vents")
-        self._holding = words
+    def alarm(self, words: str) -> None:
+        """Log what is wrong, when it begins and then now and then; '' while nothing is."""
+        now = self._clock()
+        if not words:
+            self._alarmed_at = None
+        elif self._alarmed_at is None or now - self._alarmed_at >= ALARM_PERIOD:
+            self._alarmed_at = now
+            self._logger.error(words)
 
     def refusals(self, refused: Counter[str], last: str) -> None:
         """Log what was refused since the last line: counts by kind, and the latest refusal in words."""
