@@ -105,4 +105,4 @@ $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults attack types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults attack coverage mutants types msgs colcon bags docs lock clean

@@ -44,7 +44,7 @@ def test_a_full_disk_is_one_line_and_the_simulation_goes_on(tmp_path):
     assert "ldcs recover" in run["message"] and "\n" not in run["message"]
     assert run["went on"] > 0.5
     assert run["messages kept"] > 100
-    assert run["exit status"] == 0
+    assert run["exit status"] == 1, "a recording that stopped is no success"
 
 
 def test_subscribers_that_join_and_leave_get_everything_and_leave_nothing_behind(tmp_path):

@@ -72,6 +72,11 @@ def rows(folder, tell):
             clear,
         ),
         row("simulation time after that [s]", run["went on"], "goes on", run["went on"] > 0.5),
-        row("exit status after Ctrl-C", run["exit status"], "0", run["exit status"] == 0),
+        row(
+            "exit status after Ctrl-C",
+            run["exit status"],
+            "1: the recording stopped",
+            run["exit status"] == 1,
+        ),
         row("messages kept by ldcs recover", run["messages kept"], "more than 0", run["messages kept"] > 0),
     ]

@@ -285,7 +285,9 @@ def _double(name: str, value: float) -> Parameter:
 
 def fuzz(folder, *, seconds, seed=7, scene="rig", publish_rate=50.0, domain=None):
     """Torment a node for a wall time [s]; return the tally, what the bags hold, and what the process did."""
-    with Session(folder, domain=domain, scene=scene, publish_rate=publish_rate, record="bag") as session:
+    with Session(
+        folder, domain=domain, scene=scene, publish_rate=publish_rate, record="bag", graph_folder=folder
+    ) as session:
         fuzzer = Fuzzer(session, seed)
         memory = session.figures.memory
         fuzzer.run(seconds)
