@@ -118,7 +118,6 @@ class OutputLink(Link):
         self._active: _Process | None = None
         self._standby: _Process | None = None
         self._epoch = 0
-        self._lost_reason = ""
         self._ending: dict[str, Any] | None = None
         self._end_by = 0.0
         self._endings = 0

@@ -164,7 +164,7 @@ def _run(stage: OutputStage, channel: Channel, terminated: list[int]) -> int:
                 stage.end(why, ORPHAN_PATIENCE)
                 terminated.clear()
                 if stage.commands and lost:
-                    _say(f"output: {why}; the arms are vented")
+                    print_line(f"output: {why}; the arms are vented")
             now = time.monotonic()
             if now >= due:
                 due = max(due + stage.step(), now)
@@ -174,12 +174,12 @@ def _run(stage: OutputStage, channel: Channel, terminated: list[int]) -> int:
             due = time.monotonic() + RETRY_PERIOD
     if lost and not stage.confirmed:
         holding = stage.monitor.holding() or "the arms may hold pressure"
-        _say(f"output: no zero was confirmed: {holding}; cut the supply")
+        print_line(f"output: no zero was confirmed: {holding}; cut the supply")
     return 0 if stage.confirmed else UNCONFIRMED
 
 
-def _say(line: str) -> None:
-    """Print to a terminal, which may be closed: that must not end a vent."""
+def print_line(line: str) -> None:
+    """Print a line to the terminal, which may be closed: that ends neither a vent nor a bridge."""
     with contextlib.suppress(OSError, ValueError):
         print(line, file=sys.stderr, flush=True)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
 import threading
 import time
 import traceback
@@ -25,6 +23,7 @@ from ldcs_ros.messages.topics import Topic
 from ldcs_ros.rig.bridge import Bridge, mode_of
 from ldcs_ros.rig.gate import GateState
 from ldcs_ros.rig.health import Health, headline
+from ldcs_ros.rig.output.process import print_line
 from ldcs_ros.rig.rig_bag import RigBag
 from ldcs_ros.rig.rig_file import RigFile, load_rig
 from ldcs_ros.rig.topic_link import TopicLink
@@ -111,7 +110,7 @@ class RigBridge(Node):
     def _vent(self, rig: RigFile) -> None:
         """Vent the rig and finish: the mode of an operator who has nothing else."""
         self._stopping.set()
-        left = vent_rig(rig, show=_say)
+        left = vent_rig(rig, show=print_line)
         if left:
             self.failure = f"{left}; cut the supply"
             self.get_logger().error(self.failure)
@@ -201,7 +200,7 @@ class RigBridge(Node):
     def _repeat(self) -> None:
         duration = self._value("duration")
         periodic_tasks = [PeriodicTask(DIAGNOSTICS_PERIOD, self._diagnose)]
-        periodic_tasks.append(PeriodicTask(STATUS_PERIOD, lambda: _say(headline(self._bridge))))
+        periodic_tasks.append(PeriodicTask(STATUS_PERIOD, lambda: print_line(headline(self._bridge))))
         deadline = time.monotonic()
         while not self._stopping.is_set():
             with self._lock:
@@ -252,9 +251,3 @@ def _heard(info: MessageInfo) -> float:
     """Return the steady time at which a message was heard [s]: it waits in DDS while this process is starved."""
     waited = max(time.time_ns() - info["received_timestamp"], 0) * 1e-9
     return time.monotonic() - waited
-
-
-def _say(line: str) -> None:
-    """Print to the terminal; a terminal that is gone ends no bridge, SIGHUP does in order."""
-    with contextlib.suppress(OSError):
-        print(line, file=sys.stderr, flush=True)

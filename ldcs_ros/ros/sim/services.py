@@ -89,7 +89,7 @@ class WrenchService:
     Args:
         node: The node that offers it.
         service_type: The class ApplyWrench.
-        runner: Returns the runner, or raises NotNow while the node is not active.
+        runner: Returns the runner, or raises InvalidStateError while the node is not active.
     """
 
     def __init__(self, node: LifecycleNode, service_type: Any, runner: Callable[[], Runner]) -> None:
