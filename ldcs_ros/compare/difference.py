@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.signals.series import SAME_TIME, Series, at_times, curve, resample_common
+from ldcs_ros.schema.units import TIME_TOLERANCE
+from ldcs_ros.signals.series import Series, at_times, curve, resample_common
 from ldcs_ros.signals.signals import surface_values
 from ldcs_ros.signals.tracks import SurfaceTrack
 
@@ -157,7 +158,10 @@ def field_difference(
     ours, theirs = surface_values(a), surface_values(b)
     nodes = (min(a.nodes[0], b.nodes[0]), min(a.nodes[1], b.nodes[1]))
     their_time = theirs.time - offset
-    start, end = max(ours.time[0], their_time[0]) - SAME_TIME, min(ours.time[-1], their_time[-1]) + SAME_TIME
+    start, end = (
+        max(ours.time[0], their_time[0]) - TIME_TOLERANCE,
+        min(ours.time[-1], their_time[-1]) + TIME_TOLERANCE,
+    )
     index = np.flatnonzero((ours.time >= start) & (ours.time <= end))
     if not len(index):
         return None

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from ldcs_ros.estimate.basis import equilibria, main_directions
-from ldcs_ros.physics.inputs import HeldInputs, Valve
+from ldcs_ros.physics.inputs import HeldCommands, Valve
 from ldcs_ros.physics.model import Model
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
@@ -175,7 +175,7 @@ class ReducedModel:
         self._row_starts = np.searchsorted(place, size * np.arange(size + 1))
         self._basis_columns = np.ascontiguousarray(self._basis.T)
 
-    def _held(self, pressure: np.ndarray) -> HeldInputs:
+    def _held(self, pressure: np.ndarray) -> HeldCommands:
         fill, vent = self._times
         valves = tuple(Valve(0.0, float(p), float(p), fill, vent) for p in pressure)
-        return HeldInputs(valves=valves)
+        return HeldCommands(valves=valves)

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
 
@@ -119,12 +119,12 @@ class Integrator:
         # Iterations that an implicit step may take; more than this, and a shorter step is cheaper.
         self.patience = 10
 
-    def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Motion:
+    def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> Motion:
         """Return the motion at coordinates q and rates u, with the accelerations that the inputs give."""
         self.counters.evaluations += 1
         return Motion(time, q, u, self.model.accelerate(time, q, u, inputs))
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         """Return the step of length h [s] from a motion.
 
         Args:
@@ -138,7 +138,7 @@ class Integrator:
         """
         raise NotImplementedError
 
-    def jump(self, motion: Motion, before: HeldInputs, after: HeldInputs) -> np.ndarray:
+    def jump(self, motion: Motion, before: HeldCommands, after: HeldCommands) -> np.ndarray:
         """Return the jump in acceleration [m/s^2] at a motion where commands change, shape (n_free,)."""
         return self.model.command_jump(motion.time, motion.q, motion.u, before, after)
 
@@ -155,7 +155,7 @@ class Integrator:
         push = np.nan_to_num(np.abs(motion.a) * self._reach, nan=np.inf, posinf=np.inf)
         return self.model.coordinate_name(int(self.model.free[np.argmax(push)]))
 
-    def stability_limit(self, motion: Motion, inputs: HeldInputs) -> float:
+    def stability_limit(self, motion: Motion, inputs: HeldCommands) -> float:
         """Return the largest stable step [s] near a motion."""
         return float("inf")
 

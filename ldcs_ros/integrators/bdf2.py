@@ -13,7 +13,7 @@ from ldcs_ros.integrators.esdirk43 import Esdirk43
 from ldcs_ros.integrators.implicit.block_tridiagonal import BlockTridiagonal
 from ldcs_ros.integrators.implicit.stage_kernel import StageKernel
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.physics.model import Motion
 
@@ -42,7 +42,7 @@ class History:
 
     step: Step
     accelerations: np.ndarray
-    inputs: HeldInputs
+    inputs: HeldCommands
     one_step: bool
 
 
@@ -89,20 +89,20 @@ class Bdf2(Esdirk43):
         one_step, self._histories, self._kept, self._kept_rate = memory
         super().recall(one_step)
 
-    def jump(self, motion: Motion, before: HeldInputs, after: HeldInputs) -> np.ndarray:
+    def jump(self, motion: Motion, before: HeldCommands, after: HeldCommands) -> np.ndarray:
         past = self._past(motion)
         # The formula needs no acceleration at the start of a step, and the one-step method then makes it itself.
         if past is not None and not past.one_step:
             return np.zeros(len(self.model.free))
         return super().jump(motion, before, after)
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         try:
             return self.formula(motion, inputs, h, tolerance)
         except StepFailure:
             return self.one_step(motion, inputs, h, tolerance)
 
-    def one_step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def one_step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         """Return the one-step method's step, which starts the formula."""
         past = self._past(motion)
         if past is not None and not past.one_step:
@@ -115,7 +115,7 @@ class Bdf2(Esdirk43):
         self._remember(past, History(step, np.stack([start, step.right.a]), inputs, True))
         return step
 
-    def formula(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def formula(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         """Return the step of the two-step formula.
 
         Raises:
@@ -170,7 +170,7 @@ class Bdf2(Esdirk43):
         self._remember(past, History(step, np.stack([accelerations[1], a]), inputs, False))
         return step
 
-    def _force_jump(self, motion: Motion, before: HeldInputs, after: HeldInputs) -> np.ndarray:
+    def _force_jump(self, motion: Motion, before: HeldCommands, after: HeldCommands) -> np.ndarray:
         """Return the jump of the force on all coordinates, shape (n_coordinates,), or (0,) if there is none."""
         if before is after:
             return NO_JUMP
@@ -191,7 +191,7 @@ class Bdf2(Esdirk43):
                     return past
         return None
 
-    def _present_factors(self, motion: Motion, inputs: HeldInputs, rate_step: float) -> Factors:
+    def _present_factors(self, motion: Motion, inputs: HeldCommands, rate_step: float) -> Factors:
         """Return kept factors with the arms' border of now, or new ones."""
         assert self._kernel is not None
         system, kept = self._kernel.system, self._kept

@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 SMALLEST_STEP = 1e-9  # s; below it a simulation does not end
@@ -92,7 +92,7 @@ class AdaptiveSteps:
         return replace(pace, h=CORNER_SHARE * pace.h, ceiling=math.inf)
 
     def advance(
-        self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float, *, opening: bool
+        self, motion: Motion, inputs: HeldCommands, pace: Pace, stop: float, *, opening: bool
     ) -> tuple[Step, Pace]:
         """Take one step that does not pass the time `stop` [s]; return it and the pace for the next.
 
@@ -163,7 +163,7 @@ class FixedSteps:
         return pace
 
     def advance(
-        self, motion: Motion, inputs: HeldInputs, pace: Pace, stop: float, *, opening: bool
+        self, motion: Motion, inputs: HeldCommands, pace: Pace, stop: float, *, opening: bool
     ) -> tuple[Step, Pace]:
         """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken.
 
@@ -197,7 +197,7 @@ class FixedSteps:
 
 
 def _finite_step(
-    integrator: Integrator, motion: Motion, inputs: HeldInputs, h: float, tolerance: float
+    integrator: Integrator, motion: Motion, inputs: HeldCommands, h: float, tolerance: float
 ) -> Step:
     # Whatever a method does inside, nothing that is not finite gets past here.
     try:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.spectrum import FastestMode, fastest_mode
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 # An adaptive step is made of parts of at most this share of the stability limit.
@@ -61,12 +61,12 @@ class Watched(Integrator):
         """Return the largest stable step [s] for a fastest mode."""
         raise NotImplementedError
 
-    def stability_limit(self, motion: Motion, inputs: HeldInputs) -> float:
+    def stability_limit(self, motion: Motion, inputs: HeldCommands) -> float:
         mode, count = fastest_mode(self.model, motion, inputs)
         self.counters.evaluations += count
         return self.limit(mode)
 
-    def present_mode(self, motion: Motion, inputs: HeldInputs) -> FastestMode:
+    def present_mode(self, motion: Motion, inputs: HeldCommands) -> FastestMode:
         """Return the fastest mode as last looked at.
 
         Raises:
@@ -99,11 +99,11 @@ class Explicit(Watched):
     implicit: ClassVar[bool] = False
     evaluations_per_part: ClassVar[int]
 
-    def part(self, course: Course, inputs: HeldInputs, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
         """Move a course on by h [s]; return the estimated errors that this makes in q and u, shape (n_free,)."""
         raise NotImplementedError
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         limit = self.limit(self.present_mode(motion, inputs))
         if self.whole_steps and h > limit * (1.0 + 1e-9):
             raise StepFailure(

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 
 from ldcs_ros.errors import SolverError
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
 # Lobatto's points of a step, where loads and drives are sampled: a polynomial of degree 4 is followed exactly.
@@ -65,7 +65,7 @@ class Exponential(Integrator):
         self._axes: list[Axis] | None = None
         self._flows: OrderedDict[float, list[np.ndarray]] = OrderedDict()
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         model, free = self.model, self.model.free
         if self._axes is None:
             self._axes = self._modes(motion, inputs)
@@ -117,7 +117,7 @@ class Exponential(Integrator):
             self._flows.popitem(last=False)
         return flows
 
-    def _modes(self, motion: Motion, inputs: HeldInputs) -> list[Axis]:
+    def _modes(self, motion: Motion, inputs: HeldCommands) -> list[Axis]:
         model, n = self.model, len(self.model.free)
         values = model.jacobian(motion.time, motion.q, motion.u, inputs, definite=False)
         rows, columns = model.entries

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
 
@@ -20,7 +20,7 @@ class FirstOrder:
         inputs: What is commanded.
     """
 
-    def __init__(self, model: Model, motion: Motion, inputs: HeldInputs) -> None:
+    def __init__(self, model: Model, motion: Motion, inputs: HeldCommands) -> None:
         self.model, self.inputs, self.evaluations = model, inputs, 0
         self._n = len(model.free)
         self._q, self._u = motion.q.copy(), motion.u.copy()

@@ -9,7 +9,7 @@ import numpy as np
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.explicit import RATE_SHARE
 from ldcs_ros.integrators.implicit.system import LinearSystem
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 
@@ -27,7 +27,7 @@ class LinearlyImplicitEuler(Integrator):
         super().__post_init__()
         self._system = LinearSystem(self.model)
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         model, free, end = self.model, self.model.free, motion.time + h
         q, u = motion.q.copy(), motion.u.copy()
         q[free] += h * u[free]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.first_order import FirstOrder
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 # SciPy's tolerances are for one of its own steps and for the root mean square over all coordinates.
@@ -29,7 +29,7 @@ class Radau(Integrator):
     order: ClassVar[int] = 5
     error_order: ClassVar[int] = 4
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         from scipy.integrate import solve_ivp
 
         system, end = FirstOrder(self.model, motion, inputs), motion.time + h

@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.integrators.explicit import Course, Explicit, stable_radius
 from ldcs_ros.integrators.spectrum import FastestMode
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 
 # The last stage's weight; moved to the evaluation at the step's end it leaves a method of order three.
 SWAPPED_WEIGHT = 1.0 / 6.0
@@ -35,7 +35,7 @@ class Rk4(Explicit):
         radius = stable_radius(growth, mode, most=3.0)
         return radius / mode.spectral_radius if mode.spectral_radius > 0.0 else radius
 
-    def part(self, course: Course, inputs: HeldInputs, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
         model, free, start = self.model, self.model.free, course.time
         q0, u0 = course.q[free], course.u[free]
         rates, pushes = [u0], [course.a]

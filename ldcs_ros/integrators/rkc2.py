@@ -12,7 +12,7 @@ from ldcs_ros.integrators.base import Step, StepFailure
 from ldcs_ros.integrators.explicit import RATE_SHARE, Watched
 from ldcs_ros.integrators.spectrum import FastestMode
 from ldcs_ros.physics.compiled import compiled
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 DAMPING = 2.0 / 13.0
@@ -106,7 +106,7 @@ class Rkc2(Watched):
                 return float(h)
         return most
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         model, free, n = self.model, self.model.free, len(self.model.free)
         mode = self.present_mode(motion, inputs)
         limit = self.limit(mode)

@@ -9,7 +9,7 @@ import numpy as np
 from ldcs_ros.integrators.base import Integrator, Step, StepFailure
 from ldcs_ros.integrators.explicit import RATE_SHARE
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 GAMMA = 0.435866521508459
@@ -82,7 +82,7 @@ class RosenbrockW(Integrator):
     def recall(self, memory: Any) -> None:
         self._kept = memory
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         model, free, n = self.model, self.model.free, len(self.model.free)
         g = GAMMA * h
         kept = self._present(motion, inputs, g)
@@ -118,7 +118,7 @@ class RosenbrockW(Integrator):
         self.counters.steps += 1
         return Step(motion, Motion(end, q, u, a), error)
 
-    def _present(self, motion: Motion, inputs: HeldInputs, g: float) -> Kept:
+    def _present(self, motion: Motion, inputs: HeldCommands, g: float) -> Kept:
         kept = self._kept
         # A second step from the same start is a rejected one: old factors may be to blame.
         if kept is not None and kept.uses < MOST_USES and kept.start != motion.time:
@@ -140,7 +140,7 @@ class RosenbrockW(Integrator):
         self._kept = Kept(factors, 0.5 * (matrix + matrix.T).tocsr(), motion.q, 1, motion.time)
         return self._kept
 
-    def _drift(self, motion: Motion, inputs: HeldInputs, h: float) -> np.ndarray:
+    def _drift(self, motion: Motion, inputs: HeldCommands, h: float) -> np.ndarray:
         """Return the partial derivative of the accelerations by time (drives, valves) [m/s^3], shape (n_free,)."""
         q, u, ahead = motion.q.copy(), motion.u.copy(), TIME_OFFSET * h
         self.model.prescribe(motion.time + ahead, q, u)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.integrators.explicit import Course, Explicit
 from ldcs_ros.integrators.spectrum import FastestMode
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 
 
 class SemiImplicitEuler(Explicit):
@@ -28,7 +28,7 @@ class SemiImplicitEuler(Explicit):
         c, k = mode.damping, mode.stiffness
         return 4.0 / (c + math.sqrt(c * c + 4.0 * k)) if c + k > 0.0 else math.inf
 
-    def part(self, course: Course, inputs: HeldInputs, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
         free, before = self.model.free, course.a
         rate = course.u[free] + h * before
         course.u[free] = rate

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
 MOST_ITERATIONS = 40
@@ -51,7 +51,7 @@ class FastestMode:
 def fastest_mode(
     model: Model,
     motion: Motion,
-    inputs: HeldInputs,
+    inputs: HeldCommands,
     *,
     near: FastestMode | None = None,
     accuracy: float = 2e-3,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Term, coordinates
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 
 
 class PlaneContact(Term):
@@ -40,7 +40,7 @@ class PlaneContact(Term):
         return push, slope
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         push, _ = self._normal(q)
         if push.any():
@@ -56,7 +56,7 @@ class PlaneContact(Term):
         return self.vertical, self.vertical
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         push, slope = self._normal(q)
         share = 1.0 - self.damping * u[self.vertical]

@@ -18,7 +18,7 @@ import numpy as np
 
 from ldcs_ros.physics.compiled import compiled
 from ldcs_ros.physics.effects.base import Term
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.rotation import best_rotation, fill_cross, inverse
 
@@ -213,7 +213,7 @@ class CorotationalTerm(Term):
         return flat[: 3 * self.n].reshape(-1, 3)
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         _add_force(self._nodes(q), self._nodes(u), self.start, self.member, self.rest, self.k, self.c, force)
 
@@ -228,7 +228,7 @@ class CorotationalTerm(Term):
         return rows.ravel(), columns.ravel()
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         by_position, by_rate = np.zeros((len(self.pairs), 3, 3)), np.zeros((len(self.pairs), 3, 3))
         _fill_jacobian(

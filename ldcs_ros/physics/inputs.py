@@ -49,7 +49,7 @@ class Wrench:
 
 
 @dataclass(frozen=True)
-class HeldInputs:
+class HeldCommands:
     """Everything commanded, constant or a known function of time until the next command.
 
     Attributes:
@@ -81,4 +81,4 @@ class ScheduledCommand:
     wrench: tuple[str, tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
-NO_INPUTS = HeldInputs()
+NO_INPUTS = HeldCommands()

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
@@ -109,7 +109,7 @@ class Model:
         for term in self.prescribing:
             term.prescribe(time, q, u)
 
-    def force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+    def force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the force on the free coordinates [N, N m], shape (n_free,)."""
         total = np.zeros(self.n_coordinates)
         for term in self.terms:
@@ -130,7 +130,7 @@ class Model:
             result[self.n_free_nodes :] = (blocks @ angles).ravel()
         return result
 
-    def accelerate(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+    def accelerate(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the accelerations of the free coordinates, M^-1 f, shape (n_free,)."""
         return self._inverse_mass_times(q, self.force(time, q, u, inputs))
 
@@ -143,7 +143,7 @@ class Model:
         return force
 
     def force_jump(
-        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldInputs, after: HeldInputs
+        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldCommands, after: HeldCommands
     ) -> np.ndarray:
         """Return the jump of the force on all coordinates where commands change [N, N m], shape (n_coordinates,)."""
         jump = np.zeros(self.n_coordinates)
@@ -153,7 +153,7 @@ class Model:
         return jump
 
     def command_jump(
-        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldInputs, after: HeldInputs
+        self, time: float, q: np.ndarray, u: np.ndarray, before: HeldCommands, after: HeldCommands
     ) -> np.ndarray:
         """Return the jump of the accelerations where commands change, M^-1 times that of the force, shape (n_free,)."""
         jump = self.force_jump(time, q, u, before, after)
@@ -161,7 +161,7 @@ class Model:
             return np.zeros(len(self.free))
         return self._inverse_mass_times(q, jump[self.free])
 
-    def damping_rate(self, motion: Motion, inputs: HeldInputs) -> float:
+    def damping_rate(self, motion: Motion, inputs: HeldCommands) -> float:
         """Return the rate at which a motion's amplitude decays, dissipated power / (4 kinetic energy) [1/s].
 
         Half the rate at which an oscillation loses its energy, which is twice its kinetic energy on average.
@@ -190,7 +190,7 @@ class Model:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        inputs: HeldInputs,
+        inputs: HeldCommands,
         *,
         definite: bool,
         turning: bool = False,

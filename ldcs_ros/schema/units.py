@@ -1,4 +1,4 @@
-"""Units of pressure, as factors to SI; this module imports nothing, so that a small process can use it."""
+"""Units of pressure and the tolerance of times; this module imports nothing, so that a small process can use it."""
 
 from __future__ import annotations
 
@@ -12,3 +12,5 @@ PRESSURE = {
 }
 STANDARD_ATMOSPHERE = 101325.0
 """Pressure of the surrounding air where a source names none [Pa]."""
+TIME_TOLERANCE = 2e-9
+"""Largest difference of two times that count as one [s]: each stamp is rounded to a nanosecond."""

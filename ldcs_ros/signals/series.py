@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline, interp1d
 
+from ldcs_ros.schema.units import TIME_TOLERANCE
+
 AXES = ("x", "y", "z")
 Curve = Callable[[np.ndarray], np.ndarray]
 """Times [s] of any shape -> values, shape (..., k)."""
-SAME_TIME = 2e-9
-"""Times this close are one time [s]: stamps have nanoseconds, times of a simulation are rounded to them."""
 
 
 def curve(time: np.ndarray, value: np.ndarray, *, smooth: bool) -> Curve:
@@ -35,8 +35,8 @@ def curve(time: np.ndarray, value: np.ndarray, *, smooth: bool) -> Curve:
 def at_times(time: np.ndarray, value: np.ndarray, asked: np.ndarray, through: Curve) -> np.ndarray:
     """Return values at some times: those that are there if all are, and else those of a curve `through` them."""
     # Runs of the same scene have the same stamps.
-    index = np.clip(np.searchsorted(time, asked - SAME_TIME), 0, len(time) - 1)
-    if np.all(np.abs(time[index] - asked) <= SAME_TIME):
+    index = np.clip(np.searchsorted(time, asked - TIME_TOLERANCE), 0, len(time) - 1)
+    if np.all(np.abs(time[index] - asked) <= TIME_TOLERANCE):
         found: np.ndarray = value[index]
         return found
     return np.asarray(through(asked))
@@ -95,7 +95,7 @@ def resample_common(
     """
     by_a = reference_is_first(a, b)
     lead, other, shift = (a, b, offset) if by_a else (b, a, -offset)
-    start, end = other.time[0] - shift - SAME_TIME, other.time[-1] - shift + SAME_TIME
+    start, end = other.time[0] - shift - TIME_TOLERANCE, other.time[-1] - shift + TIME_TOLERANCE
     index = np.flatnonzero((lead.time >= start) & (lead.time <= end))
     if most is not None and len(index) > most:
         index = index[np.linspace(0, len(index) - 1, most).astype(int)]
@@ -118,6 +118,6 @@ def _covered(known: np.ndarray, asked: np.ndarray) -> np.ndarray:
         return np.ones(len(asked), dtype=bool)
     longest = GAP_PERIODS * float(np.median(np.diff(known)))
     right = np.clip(np.searchsorted(known, asked), 1, len(known) - 1)
-    near = np.minimum(np.abs(asked - known[right - 1]), np.abs(asked - known[right])) <= SAME_TIME
+    near = np.minimum(np.abs(asked - known[right - 1]), np.abs(asked - known[right])) <= TIME_TOLERANCE
     covered: np.ndarray = near | (known[right] - known[right - 1] <= longest)
     return covered

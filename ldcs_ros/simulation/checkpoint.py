@@ -7,7 +7,7 @@ from typing import Any
 
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import Pace
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Checkpoint:
     origin: tuple[object, ...]
     step: Step
     pace: Pace
-    held: HeldInputs
+    held: HeldCommands
     is_command_waiting: bool
     next_command: int
     last_command_time: float

@@ -6,7 +6,7 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.implicit.system import LinearSystem
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 
 MOST_ITERATIONS = 2000
@@ -14,7 +14,7 @@ FIRST_STEP, LARGEST_STEP = 0.02, 1e4  # s of pseudo-time
 BALANCED = 1e-12  # m: a Newton step below it is rounding
 
 
-def rest_state(model: Model, q: np.ndarray, time: float, inputs: HeldInputs) -> np.ndarray:
+def rest_state(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
     """Return the coordinates at which the forces of constant inputs balance.
 
     Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.errors import CommandError
-from ldcs_ros.physics.inputs import HeldInputs, ScheduledCommand, Valve, Wrench
+from ldcs_ros.physics.inputs import HeldCommands, ScheduledCommand, Valve, Wrench
 from ldcs_ros.physics.model import Model
 
 
@@ -177,9 +177,9 @@ class Inputs:
         """Return the gauge pressure in each arm at a time [Pa], shape (2,), or (0,) without a pressure drive."""
         return np.array([valve.at(time) for valve in self._valves])
 
-    def held(self) -> HeldInputs:
+    def held(self) -> HeldCommands:
         """Return what acts from now until the next command or `next_switch`."""
-        return HeldInputs(self.torque, self._valves, self.wrenches)
+        return HeldCommands(self.torque, self._valves, self.wrenches)
 
     def next_switch(self) -> float:
         """Return when a valve answers a command that is on its way [s], or infinity."""

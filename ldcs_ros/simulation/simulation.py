@@ -16,14 +16,13 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
+from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.threads import one_thread
 
 DEFAULT_INTEGRATOR = "esdirk43"
-# Events closer than this are one: 0.34 + 0.02 and 0.36 differ by rounding, and no step fits between them [s].
-SAME_TIME = 1e-9
 
 
 @dataclass
@@ -304,10 +303,10 @@ class Simulation:
         self._take_commands()
         while True:
             event = self._next_event()
-            stop = time if event > time - SAME_TIME else event
+            stop = time if event > time - TIME_TOLERANCE else event
             self._integrate_to(stop)
             self.time = stop
-            if event > time + SAME_TIME:
+            if event > time + TIME_TOLERANCE:
                 break
             self._run_events(stop)
 
@@ -316,10 +315,10 @@ class Simulation:
         return self._step.at(self.time, self.model)
 
     def _integrate_to(self, stop: float) -> None:
-        while self._step.right.time < stop - SAME_TIME:
+        while self._step.right.time < stop - TIME_TOLERANCE:
             start = self._step.right
             corners = (self._next_event(), self._expected, *self.model.breakpoints)
-            barrier = min((time for time in corners if time > start.time + SAME_TIME), default=math.inf)
+            barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
             opening = start.time == self._commanded
             step, pace = self._control.advance(start, self._held, self._pace, barrier, opening=opening)
             self._step = step
@@ -347,14 +346,16 @@ class Simulation:
         return min(scheduled, self.inputs.next_switch())
 
     def _run_events(self, time: float) -> None:
-        while self.inputs.next_switch() <= time + SAME_TIME:
+        while self.inputs.next_switch() <= time + TIME_TOLERANCE:
             self.inputs.switch()
         self._run_schedule(time)
         self._take_commands()
 
     def _run_schedule(self, time: float) -> None:
         schedule = self.scene.inputs
-        while self._next_command < len(schedule) and schedule[self._next_command].time <= time + SAME_TIME:
+        while (
+            self._next_command < len(schedule) and schedule[self._next_command].time <= time + TIME_TOLERANCE
+        ):
             index, self._next_command = self._next_command, self._next_command + 1
             try:
                 self.inputs.follow(schedule[index])

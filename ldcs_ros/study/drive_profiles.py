@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.physics.inputs import HeldInputs, Wrench
+from ldcs_ros.physics.inputs import HeldCommands, Wrench
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.study.problems import content_of
@@ -83,10 +83,10 @@ def follow(simulation: Simulation, course: DriveProfile) -> None:
         pushed: Any = simulation.model.wrench
 
         def add_force(
-            time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+            time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
         ) -> None:
             now = {PUSHED_NODE: Wrench(force=(0.0, 0.0, course.at(time)))}
-            type(pushed).add_force(pushed, time, q, u, HeldInputs(wrenches=now), force)
+            type(pushed).add_force(pushed, time, q, u, HeldCommands(wrenches=now), force)
 
         pushed.add_force = add_force
         return

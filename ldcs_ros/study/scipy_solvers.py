@@ -9,13 +9,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ldcs_ros.integrators.first_order import FirstOrder
+from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 
 # Absolute tolerance of rates against that of positions [1/s]; rates of 0.1 m/s belong to displacements of centimetres.
 RATE_WEIGHT = 10.0
-# Events closer than this are one [s].
-SAME_TIME = 1e-9
 
 
 def solve(
@@ -52,13 +51,13 @@ def solve(
     absolute = np.concatenate([np.full(n, accuracy), np.full(n, RATE_WEIGHT * accuracy)])
     began, due, count = wall_clock.thread_time(), 0.0 if command else math.inf, 0
     with one_thread():
-        while motion.time < times[-1] - SAME_TIME:
-            if command is not None and due <= motion.time + SAME_TIME:
+        while motion.time < times[-1] - TIME_TOLERANCE:
+            if command is not None and due <= motion.time + TIME_TOLERANCE:
                 due, count = command(count), count + 1
-            while simulation.inputs.next_switch() <= motion.time + SAME_TIME:
+            while simulation.inputs.next_switch() <= motion.time + TIME_TOLERANCE:
                 simulation.inputs.switch()
             ahead = (due, simulation.inputs.next_switch(), *model.breakpoints, times[-1])
-            corner = min(time for time in ahead if time > motion.time + SAME_TIME)
+            corner = min(time for time in ahead if time > motion.time + TIME_TOLERANCE)
             system = FirstOrder(model, motion, simulation.inputs.held())
 
             def slope(time: float, y: np.ndarray, system: FirstOrder = system) -> np.ndarray:

@@ -13,6 +13,7 @@ from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError, ViewingError
 from ldcs_ros.messages.display.markers import Markers
 from ldcs_ros.scene.scene import Scene
+from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.signals.topics import find_topic, recorded_scene
 from ldcs_ros.signals.tracks import (
     CLOUD,
@@ -32,7 +33,6 @@ MOST_SURFACES = 3000
 """Surfaces that are shown of a long bag, evenly spread: a browser holds them in its memory."""
 
 MM, KPA = 1e3, 1e-3
-_SAME_TIME = 1e-9  # s
 _AXES = "xyz"
 
 
@@ -111,7 +111,7 @@ def write_bag(
         markers = None if scene is None else Markers(scene)
         for snapshot in snapshots(recording, scene, every=every):
             time = float(seconds(np.array([snapshot.time]), recording.start)[0])
-            if time > until + _SAME_TIME:
+            if time > until + TIME_TOLERANCE:
                 break
             times.append(time)
             _show(rerun_scene, markers, time, snapshot)
@@ -163,7 +163,7 @@ def _write_curves(
 
 def _cut(tracks: Mapping[str, Track], until: float) -> dict[str, Track]:
     """Return tracks up to a time [s], without those that have not begun by then."""
-    kept = {name: track.time <= until + _SAME_TIME for name, track in tracks.items()}
+    kept = {name: track.time <= until + TIME_TOLERANCE for name, track in tracks.items()}
     return {
         name: Track(track.time[kept[name]], track.value[kept[name]])
         for name, track in tracks.items()

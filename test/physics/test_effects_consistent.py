@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros.physics.effects import EFFECTS
-from ldcs_ros.physics.inputs import NO_INPUTS, HeldInputs, Wrench
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands, Wrench
 
 from .conftest import CASES
 
@@ -98,7 +98,7 @@ def test_a_wrench_is_statically_what_was_commanded(make_model, general_motion):
     x = q.reshape(-1, 3)
     force, torque = (0.3, -0.1, 0.2), (0.01, 0.02, -0.015)
     for frame in ("P1_aligned", "node_top_2_1_aligned", "P1", "node_bottom_0_0"):
-        pushes = model.force(0.0, q, u, HeldInputs(wrenches={frame: Wrench(force, torque)})).reshape(-1, 3)
+        pushes = model.force(0.0, q, u, HeldCommands(wrenches={frame: Wrench(force, torque)})).reshape(-1, 3)
         point, aligned = model.wrench.frame(frame)
         axes = np.eye(3) if aligned else point.frame(x)
         moment = np.cross(x - point.position(x), pushes).sum(axis=0)

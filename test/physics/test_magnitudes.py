@@ -10,7 +10,7 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError
 from ldcs_ros.physics.effects import effect_class
-from ldcs_ros.physics.inputs import NO_INPUTS, HeldInputs, Valve, Wrench
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands, Valve, Wrench
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import point_at
@@ -112,8 +112,8 @@ def test_a_torque_on_every_joint_is_a_torque_on_the_last_link_only():
     # Virtual work of absolute angles: Q_k = T_k - T_{k+1}.
     model = model_of(("arms", {"links": 3}))
     torque = np.array([[0.3, 0.2, 0.07], [0.1, 0.1, 0.1]])
-    difference = force_of(model, inputs=HeldInputs(torque=torque)) - force_of(
-        model, inputs=HeldInputs(torque=0.0 * torque)
+    difference = force_of(model, inputs=HeldCommands(torque=torque)) - force_of(
+        model, inputs=HeldCommands(torque=0.0 * torque)
     )
     np.testing.assert_allclose(
         difference[3 * LATTICE.n_nodes :], [0.1, 0.13, 0.07, 0.0, 0.0, 0.1], atol=1e-12
@@ -124,8 +124,8 @@ def test_pressure_drives_each_joint_with_its_gain():
     model = model_of(("arms", {"links": 2, "drive": "pressure", "pressure_gain": 2e-6}))
     valves = tuple(Valve(0.0, pressure, pressure, 0.1, 0.1) for pressure in (100e3, 50e3))
     empty = tuple(Valve(0.0, 0.0, 0.0, 0.1, 0.1) for _ in range(2))
-    difference = force_of(model, inputs=HeldInputs(valves=valves)) - force_of(
-        model, inputs=HeldInputs(valves=empty)
+    difference = force_of(model, inputs=HeldCommands(valves=valves)) - force_of(
+        model, inputs=HeldCommands(valves=empty)
     )
     np.testing.assert_allclose(difference[3 * LATTICE.n_nodes :], [0.0, 0.2, 0.0, 0.1], atol=1e-12)
 
@@ -139,7 +139,7 @@ def test_a_joint_resists_its_own_angle_and_the_base_joint_as_half_a_link(key, mo
         model = model_of(("arms", {**base, key: number}))
         q, u = model.rest()
         (u if moving else q)[3 * LATTICE.n_nodes :] = np.tile(angles, 2)
-        forces.append(force_of(model, q, u, HeldInputs(torque=np.zeros((2, 3))))[3 * LATTICE.n_nodes :])
+        forces.append(force_of(model, q, u, HeldCommands(torque=np.zeros((2, 3))))[3 * LATTICE.n_nodes :])
     bends = np.diff(angles, prepend=0.0)
     moments = -np.array([value / 0.5, value, value]) * bends
     expected = moments - np.append(moments[1:], 0.0)
@@ -154,7 +154,7 @@ def test_a_chamber_fills_and_vents_by_its_own_exponential():
 def test_a_wrench_gives_its_force_and_its_moment():
     model = model_of(("wrench", {}))
     wrench = Wrench(force=(0.1, 0.2, 0.3), torque=(0.01, -0.02, 0.03))
-    force = force_of(model, inputs=HeldInputs(wrenches={"node_top_1_1_aligned": wrench})).reshape(-1, 3)
+    force = force_of(model, inputs=HeldCommands(wrenches={"node_top_1_1_aligned": wrench})).reshape(-1, 3)
     origin = LATTICE.rest_position[LATTICE.node("top", 1, 1)]
     np.testing.assert_allclose(force.sum(axis=0), wrench.force, atol=1e-12)
     moment = np.cross(LATTICE.rest_position - origin, force).sum(axis=0)

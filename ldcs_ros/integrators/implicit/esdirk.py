@@ -12,7 +12,7 @@ from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
 from ldcs_ros.integrators.implicit.predictor import Point, Trail
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.integrators.tableaux import Tableau
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
 
 # An iteration stops when what is left of it is this share of the step's tolerance: its error then hides in
@@ -108,7 +108,7 @@ class Dirk(Integrator):
         kept = self._factors
         return jump if kept is None else kept.solve(self.model.momentum(motion.q, jump))
 
-    def step(self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float) -> Step:
+    def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         try:
             return self._stages(motion, inputs, h, tolerance, exactly=False)
         except StepFailure:
@@ -126,7 +126,7 @@ class Dirk(Integrator):
             return Trail(motion.time, ((motion.time, motion.a),))
         return self._trails[-1].jumped(motion.time, motion.a)
 
-    def _present(self, motion: Motion, inputs: HeldInputs, h: float) -> tuple[Factors, bool]:
+    def _present(self, motion: Motion, inputs: HeldCommands, h: float) -> tuple[Factors, bool]:
         """Return kept factors, or new ones of the middle of the step, and whether they are new."""
         kept, rate_step = self._factors, self.tableau.diagonal * h
         if kept is not None and self._rate <= SLOW_RATE:
@@ -140,7 +140,7 @@ class Dirk(Integrator):
         return self._renew(motion.time + ahead, q, u, inputs, rate_step), True
 
     def _renew(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, rate_step: float
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, rate_step: float
     ) -> Factors:
         self.counters.factorisations += 1
         try:
@@ -152,7 +152,7 @@ class Dirk(Integrator):
         return factors
 
     def _stages(
-        self, motion: Motion, inputs: HeldInputs, h: float, tolerance: float, *, exactly: bool
+        self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float, *, exactly: bool
     ) -> Step:
         tableau, free = self.tableau, self.model.free
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
@@ -222,7 +222,12 @@ class Dirk(Integrator):
         return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
 
     def _filtered(
-        self, right: Motion, inputs: HeldInputs, defect: np.ndarray, rate_defect: np.ndarray, factors: Factors
+        self,
+        right: Motion,
+        inputs: HeldCommands,
+        defect: np.ndarray,
+        rate_defect: np.ndarray,
+        factors: Factors,
     ) -> np.ndarray:
         """Return the positions of (1 - h g J)^-1 of an error estimate: without what damping takes away at once.
 
@@ -241,7 +246,13 @@ class Dirk(Integrator):
         return factors.solve(known)
 
     def _solve(
-        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, factors: Factors
+        self,
+        stage: Stage,
+        a: np.ndarray,
+        q: np.ndarray,
+        u: np.ndarray,
+        inputs: HeldCommands,
+        factors: Factors,
     ) -> tuple[np.ndarray, float | None, Factors]:
         """Iterate from a guess that is placed in q and u; return acceleration, worst rate if one was seen, factors."""
         free, model = self.model.free, self.model
@@ -277,7 +288,7 @@ class Dirk(Integrator):
         )
 
     def _solve_exactly(
-        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldInputs
+        self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldCommands
     ) -> tuple[np.ndarray, float]:
         """Iterate by Newton's method with a new matrix each time, as `_solve`; for forces whose slope jumps."""
         free, model = self.model.free, self.model

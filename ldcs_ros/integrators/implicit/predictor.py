@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ldcs_ros.schema.units import TIME_TOLERANCE
+
 Point = tuple[float, np.ndarray]
 
 # Commands come at a steady rate if two intervals between them differ by less than this share.
 REGULAR = 0.01
 # Points that are kept since the last jump; a longer interval has no use for those of the one before.
 MOST_POINTS = 64
-# Stages this close are at the same time [s].
-SAME_TIME = 1e-8
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Trail:
         # What the interval before had at the same time after its jump; None if no stage was there: what a jump has
         # set off is too fast to be interpolated.
         elapsed = time - self.since
-        after = bisect_left(self.before, elapsed - SAME_TIME, key=lambda point: point[0])
-        if after == len(self.before) or self.before[after][0] > elapsed + SAME_TIME:
+        after = bisect_left(self.before, elapsed - TIME_TOLERANCE, key=lambda point: point[0])
+        if after == len(self.before) or self.before[after][0] > elapsed + TIME_TOLERANCE:
             return None
         return self.before[after][1]

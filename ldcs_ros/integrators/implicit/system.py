@@ -13,7 +13,7 @@ from ldcs_ros.integrators.implicit.nested_dissection import Dissection, Dissecti
 from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 
 Storage = Band | BlockTridiagonal | Dissection
@@ -186,7 +186,7 @@ class LinearSystem:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        inputs: HeldInputs,
+        inputs: HeldCommands,
         rate_step: float,
         *,
         turning: bool = False,
@@ -215,7 +215,7 @@ class LinearSystem:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        inputs: HeldInputs,
+        inputs: HeldCommands,
         rate_step: float,
         *,
         definite: bool,
@@ -235,7 +235,7 @@ class LinearSystem:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        inputs: HeldInputs,
+        inputs: HeldCommands,
         rate_step: float,
     ) -> Factors:
         """Return kept factors turned to another motion: nearly new ones for the price of a few solves.
@@ -286,7 +286,7 @@ class LinearSystem:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        inputs: HeldInputs,
+        inputs: HeldCommands,
         turns: tuple[np.ndarray, np.ndarray] | None,
     ) -> Factors:
         """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""

@@ -10,7 +10,7 @@ import numpy as np
 from ldcs_ros.physics import arm
 from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.schema.fields import choice, quantity
 
 ARM_NAMES = ("left", "right")
@@ -264,7 +264,7 @@ class ArmsTerm(Term):
             self.angles(q)[:] = share * bend
             self.angles(u)[:] = share_rate / self.arms.rise_time * bend
 
-    def drive_torque(self, time: float, inputs: HeldInputs) -> np.ndarray:
+    def drive_torque(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (2, n_links)."""
         if self.arms.drive == "torque" and inputs.torque is not None:
             return inputs.torque
@@ -282,7 +282,7 @@ class ArmsTerm(Term):
         return matrix
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         phi, rate, torque = self.angles(q), self.angles(u), self.angles(force)
         arm.add_chain_force(
@@ -303,8 +303,8 @@ class ArmsTerm(Term):
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        before: HeldInputs,
-        after: HeldInputs,
+        before: HeldCommands,
+        after: HeldCommands,
         force: np.ndarray,
     ) -> None:
         jump = self.drive_torque(time, after) - self.drive_torque(time, before)
@@ -365,7 +365,7 @@ class ArmsTerm(Term):
         return rows, columns
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         n, count = self.n_links, len(self.couplings[0])
         phi, rate = self.angles(q), self.angles(u)

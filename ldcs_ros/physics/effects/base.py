@@ -20,7 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
@@ -97,7 +97,7 @@ class Term:
         """Write the prescribed coordinates and rates at a time into q and u."""
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         """Add the effect's force [N, N m] to the flat vector `force`."""
 
@@ -106,8 +106,8 @@ class Term:
         time: float,
         q: np.ndarray,
         u: np.ndarray,
-        before: HeldInputs,
-        after: HeldInputs,
+        before: HeldCommands,
+        after: HeldCommands,
         force: np.ndarray,
     ) -> None:
         """Add what a change of commands adds to the effect's force at that time; for effects that are `commanded`."""
@@ -125,13 +125,13 @@ class Term:
         return NO_ENTRIES
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the values of d(force)/dq and d(force)/du at `entries()`, shape (n,) each."""
         return NO_VALUES, NO_VALUES
 
     def turning_jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a symmetric Jacobian, for factors that turn with the sheet; here that of a sheet at rest."""
         return self.jacobian(time, q, np.zeros_like(u), inputs, definite)

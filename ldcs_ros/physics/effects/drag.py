@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.schema.fields import quantity
 
 
@@ -43,7 +43,7 @@ class DragTerm(Term):
         self.count = len(scale)
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         v = u[: 3 * self.count].reshape(-1, 3)
         speed = np.sqrt(np.einsum("ij,ij->i", v, v))
@@ -55,7 +55,7 @@ class DragTerm(Term):
         return rows.ravel(), columns.ravel()
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         v = u[: 3 * self.count].reshape(-1, 3)
         speed = np.sqrt(np.einsum("ij,ij->i", v, v))

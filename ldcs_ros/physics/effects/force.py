@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.schema.fields import REQUIRED, place, quantity
 
 
@@ -42,7 +42,7 @@ class ForceTerm(Term):
         self.where, self.value = where, value
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         force[self.where] += self.value
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.schema.fields import quantity
 
 
@@ -45,7 +45,7 @@ class GravityTerm(Term):
         self.weight = (assembly.node_mass[:, None] * acceleration).ravel()
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         force[: self.weight.size] += self.weight
 

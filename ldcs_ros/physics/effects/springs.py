@@ -10,7 +10,7 @@ import numpy as np
 
 from ldcs_ros.physics import axial
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.schema.fields import choice, quantity
 
@@ -106,7 +106,7 @@ class AxialTerm(SpringTerm):
         self.rest_axis = lattice.rest_vector / lattice.rest_length[:, None]
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         axial.add_force(q, u, self.a, self.b, self.rest_length, self.rest_axis, self.k, self.c, force)
 
@@ -116,12 +116,12 @@ class AxialTerm(SpringTerm):
         return float(0.5 * np.sum(self.k * stretch**2))
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         return self._jacobian(q, u, definite, False)
 
     def turning_jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         # Without the springs' tension it is positive definite. Bending puts opposite tensions on top and bottom, so
         # little is lost; a guessed motion of a fine lattice has tensions that the true one has not.
@@ -170,7 +170,7 @@ class AxiswiseTerm(SpringTerm):
         self.rest = lattice.rest_position
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         n = 3 * self.lattice.n_nodes
         displacement = q[:n].reshape(-1, 3) - self.rest
@@ -183,7 +183,7 @@ class AxiswiseTerm(SpringTerm):
         return float(-0.5 * np.sum(displacement * (self.stiffness_matrix @ displacement)))
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         def blocks(matrix: object, weight: np.ndarray) -> np.ndarray:
             scale = np.concatenate([matrix.diagonal(), weight, weight])  # type: ignore[attr-defined]

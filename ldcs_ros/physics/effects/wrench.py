@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.physics.inputs import HeldInputs, Wrench
+from ldcs_ros.physics.inputs import HeldCommands, Wrench
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.schema.fields import quantity
 
@@ -68,7 +68,7 @@ class WrenchTerm(Term):
         return axes @ np.array(wrench.force), axes @ np.array(wrench.torque)
 
     def add_force(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs, force: np.ndarray
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         if not inputs.wrenches:
             return

@@ -20,7 +20,7 @@ from ldcs_ros.physics.effects.drag import DragTerm
 from ldcs_ros.physics.effects.force import ForceTerm
 from ldcs_ros.physics.effects.gravity import GravityTerm
 from ldcs_ros.physics.effects.springs import AxialTerm
-from ldcs_ros.physics.inputs import NO_INPUTS, HeldInputs
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands
 from ldcs_ros.physics.model import Model
 
 # Effects whose force is in the tables, is constant, or is handed over for each step.
@@ -193,12 +193,12 @@ class TotalForce:
         springs = [term for term in model.terms if term.name == "springs"]
         return all(isinstance(term, AxialTerm) and len(_offsets(term)) <= MOST_FAMILIES for term in springs)
 
-    def drive(self, time: float, inputs: HeldInputs) -> np.ndarray:
+    def drive(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (n_arms, n_links)."""
         arms: Any = self.model.arms
         return self._no_drive if arms is None else np.ascontiguousarray(arms.drive_torque(time, inputs))
 
-    def steady(self, inputs: HeldInputs) -> np.ndarray | None:
+    def steady(self, inputs: HeldCommands) -> np.ndarray | None:
         """Return the constant forces with the held wrenches, shape (n_coordinates,); None if a wrench turns."""
         if not inputs.wrenches:
             return self.constant
@@ -209,7 +209,7 @@ class TotalForce:
         term.add_force(0.0, rest, still, inputs, steady)
         return steady
 
-    def __call__(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> np.ndarray:
+    def __call__(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the force on all coordinates [N, N m], shape (n_coordinates,).
 
         Raises:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.integrators.base import Step
-from ldcs_ros.physics.inputs import HeldInputs
+from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
 # Gauss-Legendre points of a step: exact for polynomials of degree 9, a step's own curve has degree 5.
@@ -32,7 +32,7 @@ class Power:
     dissipated: float
 
 
-def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldInputs) -> Power:
+def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> Power:
     """Return the power of inputs and dampers at coordinates q and rates u.
 
     The stored energy counts the kinetic energy of free coordinates only, so what moves a prescribed one delivers
@@ -100,7 +100,7 @@ class EnergyAudit:
         self.start = self._potential(motion)
         self.kinetic = self._kinetic(motion)
 
-    def follow(self, step: Step, end: float, inputs: HeldInputs) -> None:
+    def follow(self, step: Step, end: float, inputs: HeldCommands) -> None:
         """Add one step, up to a time `end` [s] if it goes further."""
         left, right = step.left.time, min(step.right.time, end)
         if not right > left:
@@ -123,7 +123,7 @@ class EnergyAudit:
         """The largest residual as a share of the energy moved; 0 where nothing moved."""
         return self.worst / self.moved if self.moved > 0.0 else 0.0
 
-    def _curve(self, step: Step, inputs: HeldInputs) -> Callable[[float], Motion]:
+    def _curve(self, step: Step, inputs: HeldCommands) -> Callable[[float], Motion]:
         # A step's own curve uses the accelerations at its ends. Where they belong to a transient much shorter than
         # the step, its rates swing by more than they are, and powers of stiff dampers with their squares.
         middle = 0.5 * (step.left.time + step.right.time)

@@ -15,7 +15,8 @@ from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.scene import load_scene
 from ldcs_ros.scene.scene import Scene
-from ldcs_ros.simulation.simulation import SAME_TIME, Simulation
+from ldcs_ros.schema.units import TIME_TOLERANCE
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.study.hard.audit import EnergyAudit
 from ldcs_ros.study.hard.case import PROMISE, Bounded, HardCase, Periodic, Reference, Refused, Rest, Still
 from ldcs_ros.study.hard.starts import STARTS
@@ -102,7 +103,7 @@ def march(
     positions, pending, seen, memory = [], list(looks), None, 0
     while simulation.time < duration:
         step = simulation.last_step
-        beyond = max(step.right.time, simulation.time) + 2.0 * SAME_TIME
+        beyond = max(step.right.time, simulation.time) + 2.0 * TIME_TOLERANCE
         simulation.advance_to(min([beyond, duration, *pending[:1]]))
         if audit is not None and simulation.last_step is not seen:
             seen = simulation.last_step
