@@ -52,7 +52,7 @@ class WriteMonitor:
         self._sent: deque[tuple[float, Pressures]] = deque()
         self._writing_since: float | None = None
         self._zero_since: float | None = None
-        self._acknowledged_at = self._read_back_since = clock()
+        self._acknowledged_at = self._refused_at = clock()
         self._read_back_at: dict[str, float] = {}
         self._measured_at: dict[str, float] = {}
         self._mismatch_since: dict[str, float] = {}
@@ -107,7 +107,7 @@ class WriteMonitor:
     def note_refused(self, reason: str) -> None:
         """Take note that the rig refused a write, for a reason in its words."""
         self.refusals += 1
-        self._last_refusal = reason
+        self._last_refusal, self._refused_at = reason, self._clock()
 
     def fault(self) -> str:
         """Return what is wrong now, in words; '' while all is well."""
@@ -119,10 +119,13 @@ class WriteMonitor:
                 return f"{arm} measures {value / 1e3:.1f} kPa, above the limit of {highest / 1e3:.1f} kPa"
         if self._writing_since is None:
             return ""
+        silence = now - max(self._writing_since, self._heard_at())
+        # One event, one name: each check below fails too when nothing at all arrives.
+        silent = f"the rig is silent for {silence:.2f} s" if silence > 0.5 * timeout else ""
         for arm, since in self._mismatch_since.items():
             if now - since > timeout:
                 sent = self._sent[-1][1][self._arms.index(arm)]
-                return (
+                return silent or (
                     f"{arm} works to {self.read_back[arm] / 1e3:.1f} kPa, "
                     f"sent were {sent / 1e3:.1f} kPa: another controller, or ignored writes?"
                 )
@@ -133,12 +136,17 @@ class WriteMonitor:
                 if self._last_refusal
                 else "confirms no set-point"
             )
-            return f"the rig {why} for {now - max(since, self._acknowledged_at):.2f} s"
+            return silent or f"the rig {why} for {now - max(since, self._acknowledged_at):.2f} s"
         if self._reads_back:
             heard = min((self._read_back_at.get(arm, since) for arm in self._arms), default=since)
             if now - max(since, heard) > timeout:
-                return f"the rig reports no set-points for {now - max(since, heard):.2f} s"
+                return silent or f"the rig reports no set-points for {now - max(since, heard):.2f} s"
         return ""
+
+    def _heard_at(self) -> float:
+        """Return the steady time of the last reading, read-back, acknowledgement or refusal [s]."""
+        answered = max(self._acknowledged_at, self._refused_at)
+        return max(answered, *self._measured_at.values(), *self._read_back_at.values())
 
     def zero_is_confirmed(self) -> bool:
         """Tell whether the rig confirmed a set-point of zero after zero was sent."""
