@@ -67,3 +67,7 @@ def test_a_rig_that_answers_in_part_has_a_fault_of_its_own(answers, fault):
     rig = Rig()
     rig.run(1.0)
     assert rig.run(1.1 * LIMITS.rig_timeout, **answers).startswith(fault)
+
+
+def test_a_rig_that_never_answered_is_silent():
+    assert Rig().run(1.1 * LIMITS.rig_timeout, **NOTHING).startswith("the rig is silent")

@@ -145,8 +145,8 @@ class WriteMonitor:
 
     def _heard_at(self) -> float:
         """Return the steady time of the last reading, read-back, acknowledgement or refusal [s]."""
-        answered = max(self._acknowledged_at, self._refused_at)
-        return max(answered, *self._measured_at.values(), *self._read_back_at.values())
+        heard = (*self._measured_at.values(), *self._read_back_at.values())
+        return max(self._acknowledged_at, self._refused_at, *heard)
 
     def zero_is_confirmed(self) -> bool:
         """Tell whether the rig confirmed a set-point of zero after zero was sent."""
