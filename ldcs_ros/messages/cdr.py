@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from rosbags.typesys.store import Typestore
 
 from ldcs_ros.bags.schemas import Schemas
+from ldcs_ros.messages.message_types import MessageClass, RosMessage
 
 # The stamp of a message that begins with a header follows the four bytes that name the encoding.
 _STAMP = struct.Struct("<iI")
@@ -17,23 +19,23 @@ _PLACEHOLDER = 0xA5
 
 
 @lru_cache(maxsize=1)
-def typestore() -> Any:
-    """The definitions of ROS 2 Kilted (those used here are the same in Humble to Rolling), and our own messages."""
+def typestore() -> Typestore:
+    """Return the definitions of ROS 2 Kilted and our own; those used here are the same in Humble to Rolling."""
     return Schemas().typestore
 
 
-def message_class(message_type: str) -> Any:
-    """Return the dataclass of a type such as 'std_msgs/msg/Header'."""
-    return typestore().types[message_type]
+def message_class(message_type: str) -> MessageClass:
+    """Return the class of a type such as 'std_msgs/msg/Header'."""
+    return cast(MessageClass, typestore().types[message_type])
 
 
-def encode(message: Any) -> bytes:
+def encode(message: RosMessage) -> bytes:
     """Return the CDR bytes of a message object."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__))
 
 
-def decode(message_type: str, cdr: bytes) -> Any:
-    """Return the message object of CDR bytes; raises whatever the bytes provoke."""
+def decode(message_type: str, cdr: bytes) -> Any:  # its fields follow from the type's name at run time
+    """Return the message object of CDR bytes; foreign bytes raise exceptions of many kinds."""
     return typestore().deserialize_cdr(cdr, message_type)
 
 
@@ -42,13 +44,13 @@ def nanoseconds(time: float) -> int:
     return round(time * 1e9)
 
 
-def time_message(time_ns: int) -> Any:
+def time_message(time_ns: int) -> RosMessage:
     """Return builtin_interfaces/Time."""
     sec, nanosec = divmod(time_ns, 1_000_000_000)
     return message_class("builtin_interfaces/msg/Time")(sec=sec, nanosec=nanosec)
 
 
-def header(time_ns: int, frame: str) -> Any:
+def header(time_ns: int, frame: str) -> RosMessage:
     """Return std_msgs/Header."""
     return message_class("std_msgs/msg/Header")(stamp=time_message(time_ns), frame_id=frame)
 
@@ -62,11 +64,11 @@ class MessageTemplate:
     """A large message of constant layout: encoded once, then only its stamp and some blocks are written.
 
     Args:
-        message: Message object that begins with a header and holds `placeholder(size)` in place of each block.
+        message: RosMessage object that begins with a header and holds `placeholder(size)` in place of each block.
         sizes: Length of each block in the order of the message [bytes].
     """
 
-    def __init__(self, message: Any, *sizes: int) -> None:
+    def __init__(self, message: RosMessage, *sizes: int) -> None:
         self._bytes = bytearray(encode(message))
         self._blocks: list[slice] = []
         end = 0

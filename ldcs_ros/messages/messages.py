@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.messages.cdr import encode, header, message_class, time_message
 from ldcs_ros.messages.frames import PLAIN, Frames
+from ldcs_ros.messages.message_types import RosMessage
 from ldcs_ros.messages.topics import BASE_FRAME
 from ldcs_ros.sensors import Measurement
 
@@ -30,7 +30,7 @@ def pose(time_ns: int, position: np.ndarray, orientation: np.ndarray, *, frame: 
     )
 
 
-def transform(time_ns: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray) -> Any:
+def transform(time_ns: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray) -> RosMessage:
     """Return a TransformStamped object from `child` to `frame`; position [m], quaternion x, y, z, w."""
     x, y, z = position.tolist()
     return message_class("geometry_msgs/msg/TransformStamped")(
@@ -57,7 +57,7 @@ def trakstar_raw(time_ns: int, measured: Measurement, frames: Frames = PLAIN) ->
     return encode(transform(time_ns, frames.tracker, child, measured.position * _TRANSMITTER, turned))
 
 
-def transforms(stamped: Sequence[Any]) -> bytes:
+def transforms(stamped: Sequence[RosMessage]) -> bytes:
     """Return a TFMessage of TransformStamped objects."""
     return encode(message_class("tf2_msgs/msg/TFMessage")(transforms=list(stamped)))
 
@@ -112,10 +112,10 @@ def clock(time_ns: int) -> bytes:
     return encode(message_class("rosgraph_msgs/msg/Clock")(clock=time_message(time_ns)))
 
 
-def _quaternion(orientation: np.ndarray) -> Any:
+def _quaternion(orientation: np.ndarray) -> RosMessage:
     x, y, z, w = orientation.tolist()
     return message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
 
 
-def _flat(values: Any) -> np.ndarray:
+def _flat(values: np.ndarray) -> np.ndarray:
     return np.ravel(np.asarray(values, dtype=np.float64))

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from ldcs_ros.errors import CommandError
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.frames import PLAIN, Frames
+from ldcs_ros.messages.message_types import (
+    ArrayMessage,
+    JointStateMessage,
+    RosMessage,
+    VectorMessage,
+    WrenchStampedMessage,
+)
 from ldcs_ros.messages.topics import BASE_FRAME, TOPICS
 from ldcs_ros.physics.effects.wrench import ALIGNED
 from ldcs_ros.simulation.simulation import Simulation
@@ -35,6 +42,15 @@ REASONS = (
 
 _NO_PRESSURE_DRIVE = "the arms of this scene are not driven by pressure; load one with drive: pressure"
 _NO_TORQUE_DRIVE = "the arms of this scene are not driven by torque; load one with drive: torque"
+
+
+class ArmCommandMessage(RosMessage, Protocol):
+    """An ldcs_msgs/ArmCommand."""
+
+    sequence: int
+    arms: Sequence[str]
+    pressures: np.ndarray
+    torques: np.ndarray
 
 
 class Refusal(CommandError):
@@ -65,7 +81,7 @@ class Commands:
     def __init__(self, simulation: Simulation, frames: Frames = PLAIN) -> None:
         self._simulation = simulation
         self._frames = frames
-        self._apply: dict[str, Callable[[Any], None]] = {
+        self._apply: dict[str, Callable[..., None]] = {
             "pressure_command": self._pressure,
             "torque_command": self._torque,
             "external_wrench": self._wrench,
@@ -76,8 +92,8 @@ class Commands:
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
 
-    def receive(self, topic: str, cdr: bytes) -> Any:
-        """Apply a command message and return its decoded form.
+    def receive(self, topic: str, cdr: bytes) -> str:
+        """Apply a command message and return the frame of its header; '' for a message without one.
 
         Raises:
             Refusal: Nothing changed; the refusal has been counted.
@@ -95,7 +111,7 @@ class Commands:
             self.refuse(failure, topic)
             raise failure from error
         self.accepted[topic] += 1
-        return message
+        return self._frames.local(message.header.frame_id) if hasattr(message, "header") else ""
 
     def count_on(self, earlier: Commands) -> None:
         """Go on with the counters of another twin, whose place this one takes."""
@@ -107,7 +123,7 @@ class Commands:
         self.refused[refusal.reason] += 1
         self.last_refusal = f"{topic} refused, {refusal}"
 
-    def _pressure(self, message: Any) -> None:
+    def _pressure(self, message: ArrayMessage) -> None:
         inputs, arms = self._simulation.inputs, self._simulation.arm_names
         if inputs.pressure is None:
             raise Refusal("effect absent", _NO_PRESSURE_DRIVE)
@@ -118,7 +134,7 @@ class Commands:
         _check_finite(values, "pressure [Pa]")
         _within_limits(inputs.set_pressure, float(values[0]) if values.size == 1 else tuple(values.tolist()))
 
-    def _torque(self, message: Any) -> None:
+    def _torque(self, message: JointStateMessage) -> None:
         inputs, known = self._simulation.inputs, list(self._simulation.joint_names)
         if inputs.torque is None:
             raise Refusal("effect absent", _NO_TORQUE_DRIVE)
@@ -138,7 +154,7 @@ class Commands:
             torque.flat[known.index(name)] = value
         _within_limits(inputs.set_torque, torque)
 
-    def _arms(self, message: Any) -> None:
+    def _arms(self, message: ArmCommandMessage) -> None:
         inputs, known = self._simulation.inputs, list(self._simulation.arm_names)
         names = list(message.arms)
         if message.sequence <= self._last_sequence:
@@ -171,8 +187,8 @@ class Commands:
         *,
         point: str,
         frame_id: str,
-        force: Any,
-        torque: Any,
+        force: Sequence[float],
+        torque: Sequence[float],
         duration: float,
         ramp: float,
         start: float,
@@ -211,7 +227,7 @@ class Commands:
         self.accepted["apply_wrench"] += 1
         return WrenchProfile.of(frame, force, torque, start=start, duration=duration, ramp=ramp)
 
-    def hold_wrench(self, frame: str, force: Any, torque: Any) -> None:
+    def hold_wrench(self, frame: str, force: Sequence[float], torque: Sequence[float]) -> None:
         """Hold a wrench that has been checked; one of nothing is let go."""
         inputs = self._simulation.inputs
         if any(force) or any(torque):
@@ -219,13 +235,13 @@ class Commands:
         else:
             inputs.clear_wrench(frame)
 
-    def _wrench(self, message: Any) -> None:
+    def _wrench(self, message: WrenchStampedMessage) -> None:
         frame = self._frames.local(message.header.frame_id)
         force, torque = (_components(part) for part in (message.wrench.force, message.wrench.torque))
         self._check_wrench_at(frame.removesuffix(ALIGNED), force, torque)
         self.hold_wrench(frame, force, torque)
 
-    def _check_wrench_at(self, point: str, force: Any, torque: Any) -> None:
+    def _check_wrench_at(self, point: str, force: Sequence[float], torque: Sequence[float]) -> None:
         if "wrench" not in self._simulation.effects:
             raise Refusal("effect absent", "the scene has no effect 'wrench'; add {type: wrench}")
         _check_finite(force, "force [N]")
@@ -236,7 +252,7 @@ class Commands:
             raise Refusal("unknown frame", str(error)) from error
 
 
-def _decode(topic: str, cdr: bytes) -> Any:
+def _decode(topic: str, cdr: bytes) -> Any:  # as `decode`
     try:
         return decode(TOPICS[topic].type, cdr)
     except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
@@ -256,7 +272,7 @@ def _replaced(present: np.ndarray, rows: list[int], values: np.ndarray) -> np.nd
     return changed
 
 
-def _components(vector: Any) -> tuple[float, float, float]:
+def _components(vector: VectorMessage) -> tuple[float, float, float]:
     return (float(vector.x), float(vector.y), float(vector.z))
 
 
@@ -268,7 +284,7 @@ def _check_finite(values: Iterable[float], what: str) -> None:
         raise Refusal("infinite", f"got {array.tolist()}, expected finite numbers for {what}")
 
 
-def _within_limits(setter: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
+def _within_limits(setter: Callable[..., object], *arguments: object, **keywords: object) -> None:
     # Size, numbers and names have been checked: what is left for the simulation to refuse is the amount.
     try:
         setter(*arguments, **keywords)

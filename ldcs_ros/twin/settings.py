@@ -6,12 +6,14 @@ import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from importlib import metadata
-from typing import Any
+from typing import TypeVar
 
 from ldcs_ros import __version__
 
+_T = TypeVar("_T")
 
-def _setting(default: Any, read: Callable[[str], Any], *, key: str = "") -> Any:
+
+def _setting(default: _T, read: Callable[[str], _T], *, key: str = "") -> _T:
     # `key` is the name in the metadata, where it differs from the name of the field.
     return field(default=default, metadata={"read": read, "key": key})
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time as wall
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -182,14 +181,13 @@ class Twin:
         try:
             if topic in ARM_COMMANDS and self.watchdog.tripped:
                 raise self._vented(topic)
-            message = self.commands.receive(topic, cdr)
+            frame = self.commands.receive(topic, cdr)
         except Refusal as refusal:
             return str(refusal)
         if topic in ARM_COMMANDS:
             self._ramp = None
             self.watchdog.feed()
         else:
-            frame = self.frames.local(message.header.frame_id)
             self._wrenches.drop(frame)
             self.watchdog.feed_wrench(frame)
         if topic == "arm_command":
@@ -199,7 +197,14 @@ class Twin:
         return None
 
     def apply_wrench(
-        self, *, point: str, frame_id: str, force: Any, torque: Any, duration: float, ramp: float
+        self,
+        *,
+        point: str,
+        frame_id: str,
+        force: Sequence[float],
+        torque: Sequence[float],
+        duration: float,
+        ramp: float,
     ) -> str:
         """Let a wrench act from the present on for a while, instead of the one that its frame has.
 
@@ -359,7 +364,7 @@ class Twin:
         self._move(self.time)
         self._hold_wrench(frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
-    def _hold_wrench(self, frame: str, force: Any, torque: Any) -> None:
+    def _hold_wrench(self, frame: str, force: Sequence[float], torque: Sequence[float]) -> None:
         self.commands.hold_wrench(frame, force, torque)
         now = nanoseconds(self.time)
         message = messages.wrench_command(now, self.frames.named(frame), force, torque)

@@ -225,7 +225,7 @@ class RerunScene:
                 fill_mode="solid",
             )
         if kind == "balls":
-            groups = [np.reshape(f.points if len(f.points) else [f.position], (-1, 3)) for f in specs]
+            groups = [np.asarray(f.points if len(f.points) else [f.position]).reshape(-1, 3) for f in specs]
             sizes = [len(group) for group in groups]
             return rr.Points3D(
                 np.concatenate([np.zeros((0, 3)), *groups]),

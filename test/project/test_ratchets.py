@@ -13,7 +13,7 @@ PATHS = sorted((ROOT / "ldcs_ros").rglob("*.py"))
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PATHS}
 
 # The numbers reached; lower them with the code, never raise them.
-MAX_ANY = 407
+MAX_ANY = 369
 MAX_PRIVATE_ACCESS = 13
 MAX_CLASSES_OF_ONE_NAME = 8
 MAX_OLD_NAMES = 102
@@ -54,6 +54,27 @@ def holds_any(annotation: ast.expr) -> bool:
     return "Any" in re.findall(r"\w+", ast.unparse(annotation).replace("dict[str, Any]", ""))
 
 
+def aliases_of_any(tree: ast.Module) -> dict[str, bool]:
+    """Return the names that a file makes of Any, such as `X = list[Any]`, and whether each is nothing but Any."""
+    found = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            found |= {one.asname: True for one in node.names if one.name == "Any" and one.asname}
+        elif isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Any" for base in node.bases):
+            found[node.name] = True
+        elif (
+            isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None and holds_any(node.value)
+        ):
+            text = re.sub(
+                r"typing\.|Optional|Union|NewType|TypeVar|TypeAlias|None|object|'\w+'",
+                "",
+                ast.unparse(node.value),
+            )
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            found[ast.unparse(target)] = re.sub(r"\W", "", text) == "Any"
+    return found
+
+
 def listed(counter: Counter[str]) -> str:
     """Return the counts for a failure."""
     return f"{sum(counter.values())}: " + ", ".join(
@@ -62,13 +83,28 @@ def listed(counter: Counter[str]) -> str:
 
 
 def test_any_in_annotations_becomes_rarer():
-    found = Counter(
-        str(path.relative_to(ROOT))
-        for path, tree in TREES.items()
-        for _, annotation in annotations(tree)
-        if holds_any(annotation)
-    )
+    found = Counter()
+    for path, tree in TREES.items():
+        annotated = sum(holds_any(annotation) for _, annotation in annotations(tree))
+        found[str(path.relative_to(ROOT))] = annotated + len(aliases_of_any(tree))
     assert sum(found.values()) <= MAX_ANY, listed(found)
+
+
+def test_any_has_no_other_name():
+    code = "X = Any\nY = list[Any]\nclass Z(Any): ...\nV = NewType('V', Any)\nW = Any | None\nfrom typing import Any as U"
+    assert aliases_of_any(ast.parse(code)) == {
+        "X": True,
+        "Y": False,
+        "Z": True,
+        "V": True,
+        "W": True,
+        "U": True,
+    }
+    found = {
+        path.name: [name for name, whole in aliases_of_any(tree).items() if whole]
+        for path, tree in TREES.items()
+    }
+    assert not any(found.values()), found
 
 
 def test_a_scene_a_simulation_and_their_like_have_types():

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, MarkerSpec
-from ldcs_ros.physics.effects.arms import ARM_NAMES, ArmsTerm
-from ldcs_ros.physics.effects.base import Assembly
+from ldcs_ros.physics.effects.arms import ARM_NAMES, Arms, ArmsTerm
+from ldcs_ros.physics.effects.base import Assembly, Effect
+from ldcs_ros.physics.effects.driven_edges import DrivenEdges
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point
 
@@ -28,18 +28,16 @@ class ArmLines:
         effects: The scene's effects; arms and driven edges are drawn.
     """
 
-    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Iterable[Any]) -> None:
+    def __init__(self, lattice: Lattice, points: dict[str, Point], effects: Iterable[Effect]) -> None:
         self._lattice = lattice
         self._thickness = float(lattice.size[2])
         self._term: ArmsTerm | None = None
         self._edges: list[tuple[str, np.ndarray]] = []
         for effect in effects:
-            if effect.name == "arms":
-                term = effect.bind(Assembly(lattice, points, lattice.node_mass))
-                self._term = term
-                arm_of, rows = term.couplings[0], term.couplings[3]
-                self._across = [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in (0, 1)]
-            elif effect.name == "driven_edges":
+            if isinstance(effect, Arms):
+                self._term = ArmsTerm(Assembly(lattice, points, lattice.node_mass), effect)
+                self._across = arm_positions(self._term)
+            elif isinstance(effect, DrivenEdges):
                 self._edges = [(edge, _middle(lattice, edge)) for edge in effect.edges]
 
     def lines(self, position: np.ndarray, link_angle: np.ndarray) -> dict[str, np.ndarray]:
@@ -72,6 +70,12 @@ class ArmLines:
                 thin = (_EDGE * self._thickness, 0.0, 0.0)
                 drawn.append(MarkerSpec(name, LINE_STRIP, thin, colours.ARM, points=points))
         return drawn
+
+
+def arm_positions(arms: ArmsTerm) -> list[float]:
+    """Return the coordinate y of each arm [m]: the middle of the rows that it covers."""
+    arm_of, rows = arms.couplings[0], arms.couplings[3]
+    return [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in range(len(ARM_NAMES))]
 
 
 def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> MarkerSpec:

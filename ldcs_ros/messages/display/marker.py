@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.messages.cdr import encode, header, message_class
 from ldcs_ros.messages.display.colours import Colour
+from ldcs_ros.messages.message_types import MarkerArrayMessage, RosMessage
 
 ARROW, SPHERE, CYLINDER, LINE_STRIP, SPHERE_LIST, TEXT, TRIANGLE_LIST = 0, 2, 3, 4, 7, 9, 11
 ADD, DELETE_ALL = 0, 3
@@ -36,7 +36,7 @@ class MarkerSpec:
     colour: Colour
     position: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
     orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-    points: Sequence[Any] | np.ndarray = ()
+    points: Sequence[Sequence[float] | np.ndarray] | np.ndarray = ()
     text: str = ""
 
 
@@ -44,8 +44,8 @@ _NOTHING = MarkerSpec("", ARROW, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def marker(
-    head: Any, spec: MarkerSpec, *, number: int = 0, colours: Iterable[Any] = (), action: int = ADD
-) -> Any:
+    head: RosMessage, spec: MarkerSpec, *, number: int = 0, colours: Iterable[RosMessage] = (), action: int = ADD
+) -> RosMessage:
     """Return a visualization_msgs/Marker.
 
     Args:
@@ -98,7 +98,7 @@ def marker_array(time_ns: int, frame: str, specs: Iterable[MarkerSpec]) -> bytes
     return encode(message_class("visualization_msgs/msg/MarkerArray")(markers=[clear, *shown]))
 
 
-def specs_of(message: Any) -> list[MarkerSpec]:
+def specs_of(message: MarkerArrayMessage) -> list[MarkerSpec]:
     """Return what a MarkerArray adds; the opposite of `marker_array`."""
     return [
         MarkerSpec(
@@ -121,13 +121,13 @@ def specs_of(message: Any) -> list[MarkerSpec]:
     ]
 
 
-def point(place: Iterable[float]) -> Any:
+def point(place: Iterable[float]) -> RosMessage:
     """Return a geometry_msgs/Point [m]."""
     x, y, z = (float(value) for value in place)
     return message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
 
 
-def rgba(colour: Iterable[float]) -> Any:
+def rgba(colour: Iterable[float]) -> RosMessage:
     """Return a std_msgs/ColorRGBA; each from 0 to 1."""
     r, g, b, a = (float(value) for value in colour)
     return message_class("std_msgs/msg/ColorRGBA")(r=r, g=g, b=b, a=a)

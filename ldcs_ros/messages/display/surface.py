@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ldcs_ros.messages.cdr import MessageTemplate, header, placeholder
 from ldcs_ros.messages.display.colours import of_height
 from ldcs_ros.messages.display.marker import TRIANGLE_LIST, MarkerSpec, marker, rgba
+from ldcs_ros.messages.message_types import RosMessage
 from ldcs_ros.messages.topics import BASE_FRAME
 
 _POINT_BYTES, _COLOUR_BYTES = 24, 16
@@ -60,7 +59,7 @@ def _grid(index: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
 
 
-def _mesh_marker(n_corners: int, frame: str) -> Any:
+def _mesh_marker(n_corners: int, frame: str) -> RosMessage:
     corners = placeholder(n_corners * _POINT_BYTES).view("<f8").reshape(n_corners, 3)
     colours = placeholder(n_corners * _COLOUR_BYTES).view("<f4").reshape(n_corners, 4)
     # Viewers that know no colours by corner take the figure's own.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy import sparse
 
+from ldcs_ros.messages.display.arm_lines import arm_positions
 from ldcs_ros.physics.effects.arms import ArmsTerm
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.model import Model
@@ -214,7 +215,7 @@ class Entities:
         )
         self._means = PointAverages([point for *_, point in named], lattice.n_nodes)
         self._arms = arms
-        self._across = [] if arms is None else _across(arms, lattice)
+        self._across = [] if arms is None else arm_positions(arms)
         clamped = _clamped(simulation.model)
         found: list[Entity] = []
         for kind, name, point in named:
@@ -270,9 +271,3 @@ def _of_sheet(name: str, row: int, kind: Kind, point: Point, still: bool) -> Ent
 def _clamped(model: Model) -> set[int]:
     held = [term.fixed() // 3 for term in model.terms if term.name == "clamp"]
     return set(np.concatenate(held).tolist()) if held else set()
-
-
-def _across(arms: ArmsTerm, lattice: Lattice) -> list[float]:
-    # An arm that covers several rows stands in their middle.
-    arm_of, rows = arms.couplings[0], arms.couplings[3]
-    return [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in (0, 1)]
