@@ -15,13 +15,14 @@ endif
 READY := .venv/.ready-$(or $(ROS_DISTRO),wheels)
 PACKAGE := .venv/.package
 MESSAGES := .venv/.messages
+KERNELS := .venv/.kernels
 LOAD := source tools/environment.sh && $(BIN)/python tools/stress/under_load.py $(if $(SECONDS),--seconds $(SECONDS) --docs out)
 STAND_IN := .venv/.stand_ins
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1|\2/p' $(MAKEFILE_LIST) | while IFS='|' read -r target text; do printf '%-14s %s\n' "$$target" "$$text"; done
 
-setup: $(PACKAGE) $(MESSAGES)  ## make .venv/ with pinned versions, ROS 2 wheels if no distribution is sourced, ldcs_msgs
+setup: $(PACKAGE) $(MESSAGES) $(KERNELS)  ## make .venv/ with pinned versions, ROS 2 wheels if no distribution is sourced, ldcs_msgs
 
 sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
@@ -100,6 +101,10 @@ $(PACKAGE): $(READY) setup.py setup.cfg package.xml pyproject.toml
 # The twin runs without ldcs_msgs, so set-up goes on; without a stamp the next one tries again.
 $(MESSAGES): $(READY) $(shell find msg_defs -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py ldcs_msgs && touch $@ || true
+
+# An edit of a kernel compiles all anew, at the first run or here.
+$(KERNELS): $(PACKAGE)
+	@$(BIN)/python tools/compile_kernels.py && touch $@
 
 # Half a minute, once; without it the tests that need it are skipped.
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)

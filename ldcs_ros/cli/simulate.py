@@ -66,7 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError(
             "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
         )
-    from ldcs_ros.twin.recorder import Recorder
     from ldcs_ros.twin.settings import RunSettings
     from ldcs_ros.twin.twin import Twin
 
@@ -76,6 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     twin = Twin(scene, settings)
     recorder = None
     if arguments.bag is not None:
+        # Readers and writers of bags take a quarter of a second to load.
+        from ldcs_ros.twin.recorder import Recorder
+
         recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})
         twin.sinks.append(recorder)
     try:
@@ -133,8 +135,12 @@ def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -
 
 
 def _warm_up(twin: Twin) -> None:
+    from ldcs_ros.physics.compiled import kernels_wait_for_compilation
+
     # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
     # takes that out of the run's own time.
+    if kernels_wait_for_compilation():
+        print("ldcs: compiling kernels for this computer, once; some ten seconds", file=sys.stderr, flush=True)
     twin.scene.build().advance_to(1e-4)
 
 

@@ -73,6 +73,13 @@ except ImportError:
     HAVE_NUMBA = False
 
 
+def kernels_wait_for_compilation() -> bool:
+    """Return whether the first call of a kernel compiles it: numba is there, its cache for these sources is empty."""
+    if not HAVE_NUMBA:
+        return False
+    return next(Path(numba.config.CACHE_DIR).rglob("*.nbi"), None) is None  # type: ignore[attr-defined]
+
+
 def compiled(function: Function) -> Function:
     """Compile a function of numbers and arrays; without numba return it as it is (same answers, slower)."""
     if not HAVE_NUMBA:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -203,3 +204,15 @@ def test_an_interrupted_run_closes_its_bag(number, scene_file, tmp_path):
 
 def size(folder):
     return sum(path.stat().st_size for path in folder.iterdir())
+
+
+def test_the_first_run_says_that_kernels_are_compiled(tmp_path):
+    pytest.importorskip("numba", reason="without numba nothing is compiled")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "ldcs_ros", "simulate", "single_spring", "--duration", "0.01"]
+    runs = [
+        subprocess.run(command, env=environment, capture_output=True, text=True, timeout=50, check=True)
+        for _ in range(2)
+    ]
+    assert "compiling kernels" in runs[0].stderr
+    assert "compiling" not in runs[1].stderr
