@@ -12,7 +12,7 @@ import pytest
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.scene import load_scene
 from ldcs_ros.study.baseline import ArcBaseline
-from ldcs_ros.study.drive_profiles import follow, problem, sampled
+from ldcs_ros.study.drive_profiles import drive_problem, follow, sampled
 from ldcs_ros.study.problems import scene_of
 from ldcs_ros.study.timing import in_turns
 
@@ -71,7 +71,7 @@ def test_a_large_lattice_costs_no_more_baselines_than_it_did():
 @pytest.mark.parametrize("case", COMMANDED, ids=lambda case: f"{case[0]} {case[1]:g} Hz")
 def test_commands_cost_no_more_smooth_courses_than_they_did(case):
     name, rate = case
-    content, course = problem(name)
+    content, course = drive_problem(name)
     scene = load_scene({**content, "solver": {"accuracy": 1e-5}})
     smooth = _runs(scene, COURSE_SPAN, lambda simulation: follow(simulation, course))
     commanded = scene.build()

@@ -1,10 +1,9 @@
-"""`ldcs study`: what accuracy costs in time, measured here: CSV, diagram, report, recommendation."""
+"""`ldcs study`: the cost of accuracy in time, measured here: CSV, diagram, report, recommendation."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +16,11 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Measure what accuracy costs in time on this machine: every method with several accuracies and fixed steps, on several
-scenes and lattices, beside a compiled RKC2 baseline and SciPy's BDF. Also measured: whether the error that was asked
-for is kept on every shipped scene, what each effect costs, what commands at a rate and larger lattices cost, and how
-far the lattice itself is off.
+scenes and lattices, beside a compiled RKC2 baseline and SciPy's BDF. Also measured: the real error against the asked
+one on every shipped scene, and the cost of each effect, of commands at a rate and of larger lattices, and the
+lattice's own error.
 Writes study.csv, work_precision.png and study.md. Rows that are in study.csv already are not measured again, so an
-interrupted study goes on where it stopped."""
+interrupted study continues."""
 EXAMPLE = """\
 ldcs study
   ldcs study --targets
@@ -31,7 +30,7 @@ ldcs study
   ldcs study --hard --only floor
   ldcs study --accuracy --scenes 200 --first-seed 1000"""
 
-EXIT_NOT_KEPT = 1
+EXIT_MISSED = 1
 MOST_JOBS = 256
 
 
@@ -46,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="preset",
         action="store_const",
         const="targets",
-        help="what this project set out to reach: asked, reached, kept or missed; some minutes",
+        help="each performance target: asked, reached, met or missed; some minutes",
     )
     preset.add_argument(
         "--full",
@@ -103,23 +102,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--again",
         action="store_true",
-        help="measure all of the preset anew, also what is in study.csv; rows of other presets stay",
+        help="measure the whole preset again; rows of other presets stay",
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure, write the files, print targets or the recommendation; status 0, or 1 if the promised accuracy (with
-    --targets: any target) is not kept."""
+    """Measure, write the files, print targets or the recommendation.
+
+    The status is 0, or 1 if the accuracy check (with --targets: any target) is missed.
+    """
     from ldcs_ros.cli.accuracy import run_accuracy
     from ldcs_ros.cli.hard_cases import run_hard_cases
+    from ldcs_ros.study.accuracy_check import accuracy_summary
     from ldcs_ros.study.diagram import draw
-    from ldcs_ros.study.execute import carry_out, of_other_tasks
+    from ldcs_ros.study.execute import run_tasks, workers
     from ldcs_ros.study.plan import PRESETS
     from ldcs_ros.study.recommendation import recommendation
-    from ldcs_ros.study.report import promise_is_kept, report
-    from ldcs_ros.study.table import Table
+    from ldcs_ros.study.report import report
+    from ldcs_ros.study.rows import Table
     from ldcs_ros.study.targets import targets
-    from ldcs_ros.study.tasks import key_of
     from ldcs_ros.study.timing import machine
 
     if arguments.preset == "hard":
@@ -132,26 +133,26 @@ def run(arguments: argparse.Namespace) -> int:
     commands = _remember_machine(path, here, command, again=arguments.again)
     table, tasks = Table(path), PRESETS[arguments.preset]()
     if arguments.again:
-        table.keep(of_other_tasks(table.rows, tasks))
-    had = {key_of(row) for row in table.rows}
+        table.remove(tasks)
+    had = {row.key for row in table.rows}
     with (
         Progress(
             sum(task.weight for task in tasks), label="study", unit="", quiet=arguments.json
         ) as progress,
-        _place(arguments) as submit,
+        workers(arguments.jobs, arguments.scheduler) as submit,
     ):
-        carry_out(tasks, table, submit, on_done=progress.show, on_begin=progress.say)
+        run_tasks(tasks, table, submit, on_done=progress.show, on_begin=progress.say)
     draw(table.rows, folder / "work_precision.png")
     text = report(table.rows, machine=here, commands=commands, picture="work_precision.png")
     (folder / "study.md").write_text(text, encoding="utf-8")
     failures = [row for row in table.rows if row.failure]
-    kept, aims = promise_is_kept(table.rows), targets(table.rows)
+    accuracy, aims = accuracy_summary(table.rows), targets(table.rows)
     summary: dict[str, Any] = {
         "preset": arguments.preset,
         "rows": len(table.rows),
         "rows_from_before": len(had),
         "without_result": len(failures),
-        "accuracy_kept": kept,
+        "accuracy_met": accuracy.met,
         "targets": [{**asdict(aim), "verdict": aim.verdict} for aim in aims],
         "recommendation": recommendation(table.rows),
         "machine": here,
@@ -165,8 +166,14 @@ def run(arguments: argparse.Namespace) -> int:
         before = f", {len(had)} measured before" if had else ""
         print_pairs(
             [
-                ("rows", f"{len(table.rows)}{before}; {len(failures)} without a result, told in the report"),
-                ("asked accuracy", "kept on every shipped scene" if kept else "NOT kept, see the report"),
+                (
+                    "rows",
+                    f"{len(table.rows)}{before}; {len(failures)} without a result, listed in the report",
+                ),
+                (
+                    "asked accuracy",
+                    "met on every shipped scene" if accuracy.met else "MISSED, see the report",
+                ),
                 ("written", f"{summary['report']}, {summary['diagram']}, {summary['table']}"),
             ]
         )
@@ -174,8 +181,8 @@ def run(arguments: argparse.Namespace) -> int:
             _print_targets(aims)
         else:
             print(f"\n{summary['recommendation']}")
-    missed = arguments.preset == "targets" and any(aim.kept is False for aim in aims)
-    return 0 if kept and not missed else EXIT_NOT_KEPT
+    missed = arguments.preset == "targets" and any(aim.met is False for aim in aims)
+    return 0 if accuracy.met and not missed else EXIT_MISSED
 
 
 def _print_targets(aims: list[Target]) -> None:
@@ -183,24 +190,14 @@ def _print_targets(aims: list[Target]) -> None:
     for aim in aims:
         print(f"{aim.verdict:<6}  {aim.name}: {aim.asked}".replace("`", ""))
         print(f"        {aim.reached}".replace("`", ""))
-        if aim.beside:
-            print(f"        {aim.beside}")
-
-
-def _place(arguments: argparse.Namespace) -> AbstractContextManager[Any]:
-    from ldcs_ros.study import execute
-
-    if arguments.scheduler is not None:
-        return execute.cluster(arguments.scheduler)
-    if arguments.jobs > 1:
-        return execute.processes(arguments.jobs)
-    return nullcontext(execute.in_this_process)
+        if aim.others:
+            print(f"        {aim.others}")
 
 
 def _remember_machine(table: Path, here: dict[str, str], command: str, *, again: bool) -> list[str]:
-    """Write beside a table what machine it is from and what made it; return all its commands.
+    """Write the machine and the commands of a table into a file beside it; return all its commands.
 
-    Rows of two machines are not mixed: such a study is refused, or begun anew with `again`.
+    Rows of two machines are not mixed: such a study is refused, or restarted with `again`.
     """
     path, commands = table.with_name("study_machine.json"), []
     if table.exists() and path.exists():
@@ -212,7 +209,7 @@ def _remember_machine(table: Path, here: dict[str, str], command: str, *, again:
             raise CommandLineError(
                 f"{path.parent} holds a study with {name} '{there.get(name)}', here it is '{here.get(name)}': "
                 f"times of two "
-                f"machines or versions do not compare; choose another --output, or --again to measure anew"
+                f"machines or versions do not compare; choose another --output, or --again to measure again"
             )
         if different:
             table.unlink()

@@ -1,6 +1,6 @@
-"""The floor to beat: RKC2 with fixed steps for the scene `arc`, one compiled loop without any generality.
+"""A compiled baseline: RKC2 with fixed steps for the scene `arc`, one loop without any generality.
 
-A strong rival, written for this one scene: no effects, no matrices, structure of arrays. A family is all springs of one
+The baseline is written for this one scene: no effects, no matrices, structure of arrays. A family is all springs of one
 offset between node indices. One contiguous loop without branches or gather serves a family; a mask removes the pairs
 that the offset wraps around an edge. Coefficients as in integrators/rkc2.py.
 """
@@ -9,23 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from ldcs_ros.integrators.rkc2 import coefficients, stages
+from ldcs_ros.integrators.rkc2 import Coefficients, coefficients, stages
 from ldcs_ros.physics.compiled import HAVE_NUMBA
+from ldcs_ros.scene import load_scene
 from ldcs_ros.study.problems import ERROR_TIMES, content_of
+from ldcs_ros.study.rows import Row
 
-if HAVE_NUMBA:
+Function = TypeVar("Function")
+
+
+def fast(function: Function) -> Function:
+    """Compile a function with all floating-point shortcuts; without numba return it as it is, far too slow."""
+    if not HAVE_NUMBA:
+        return function
     import numba
 
-    fast = numba.njit(cache=True, fastmath=True, error_model="numpy")
-else:
-
-    def fast(function: Any) -> Any:
-        """Leave the loops to Python: as right, far too slow to compare with."""
-        return function
+    return cast(Function, numba.njit(cache=True, fastmath=True, error_model="numpy")(function))
 
 
 class Families(NamedTuple):
@@ -66,18 +70,9 @@ def _families(n: int, m: int, spacing: tuple[float, float, float]) -> Families:
 @fast
 def _add_family(x, v, out, offset, begin, end, mask, length, k, c, pull):  # type: ignore[no-untyped-def]
     # Slices of one length, so that no index can be negative: the compiler then uses vector registers.
-    ax, ay, az = x[0, begin:end], x[1, begin:end], x[2, begin:end]
-    bx, by, bz = (
-        x[0, begin + offset : end + offset],
-        x[1, begin + offset : end + offset],
-        x[2, begin + offset : end + offset],
-    )
-    avx, avy, avz = v[0, begin:end], v[1, begin:end], v[2, begin:end]
-    bvx, bvy, bvz = (
-        v[0, begin + offset : end + offset],
-        v[1, begin + offset : end + offset],
-        v[2, begin + offset : end + offset],
-    )
+    near, far = slice(begin, end), slice(begin + offset, end + offset)
+    ax, ay, az, bx, by, bz = x[0, near], x[1, near], x[2, near], x[0, far], x[1, far], x[2, far]
+    avx, avy, avz, bvx, bvy, bvz = v[0, near], v[1, near], v[2, near], v[0, far], v[1, far], v[2, far]
     px, py, pz, used = pull[0], pull[1], pull[2], mask[begin:end]
     tension_at_zero = k * length
     for e in range(ax.size):
@@ -87,40 +82,29 @@ def _add_family(x, v, out, offset, begin, end, mask, length, k, c, pull):  # typ
         tension = used[e] * (k - tension_at_zero * inverse + c * rate * inverse * inverse)
         px[e], py[e], pz[e] = tension * dx, tension * dy, tension * dz
     for axis in range(3):
-        p, near, far = pull[axis], out[axis, begin:end], out[axis, begin + offset : end + offset]
-        for e in range(near.size):
-            near[e] += p[e]
-        for e in range(far.size):
-            far[e] -= p[e]
+        p, first, second = pull[axis], out[axis, near], out[axis, far]
+        for e in range(first.size):
+            first[e] += p[e]
+        for e in range(second.size):
+            second[e] -= p[e]
 
 
 @fast
 def _accelerate(x, v, families, k, c, steady, out, pull):  # type: ignore[no-untyped-def]
     # k, c and the steady load are those of a unit mass: all nodes have one mass.
     out[:] = steady
-    for f in range(families.offset.size):
-        _add_family(
-            x,
-            v,
-            out,
-            families.offset[f],
-            families.begin[f],
-            families.end[f],
-            families.mask[f],
-            families.length[f],
-            k,
-            c,
-            pull,
-        )
+    f = families
+    for i in range(f.offset.size):
+        _add_family(x, v, out, f.offset[i], f.begin[i], f.end[i], f.mask[i], f.length[i], k, c, pull)
 
 
 @fast
 def _prescribe(time, rest, n, curvature, x, v):  # type: ignore[no-untyped-def]
     layer = rest.shape[1] // 2
     m = layer // n
-    share = min(time, 1.0)
-    kappa = curvature * share * share * (3.0 - 2.0 * share)
-    kappa_rate = curvature * 6.0 * share * (1.0 - share)
+    rise = min(time, 1.0)
+    kappa = curvature * rise * rise * (3.0 - 2.0 * rise)
+    kappa_rate = curvature * 6.0 * rise * (1.0 - rise)
     for i in range(n):
         s = rest[0, i * m]
         angle = s * kappa
@@ -146,32 +130,15 @@ def _prescribe(time, rest, n, curvature, x, v):  # type: ignore[no-untyped-def]
 
 @fast
 def _combine(a, b, d, g, start, near, far, push, push0):  # type: ignore[no-untyped-def]
-    rest_share = 1.0 - a - b
+    rest = 1.0 - a - b
     for e in range(far.size):
-        far[e] = rest_share * start[e] + a * near[e] + b * far[e] + d * push[e] + g * push0[e]
+        far[e] = rest * start[e] + a * near[e] + b * far[e] + d * push[e] + g * push0[e]
 
 
 @fast
-def _run(  # type: ignore[no-untyped-def]
-    state,
-    rest,
-    n,
-    families,
-    curvature,
-    k,
-    c,
-    steady,
-    h,
-    first,
-    count,
-    s,
-    mu,
-    nu,
-    mu_tilde,
-    gamma_tilde,
-    times,
-):
+def _run(state, sheet, steady, h, first, count, s, scheme):  # type: ignore[no-untyped-def]
     # state has shape (2, 3, n_nodes): positions and rates.
+    rest, n, families, curvature, k, c = sheet
     pull = np.empty((3, rest.shape[1]))
     push0, push = np.empty_like(state), np.empty_like(state)
     near, far, start = state.copy(), state.copy(), state.copy()
@@ -183,32 +150,17 @@ def _run(  # type: ignore[no-untyped-def]
         _accelerate(start[0], start[1], families, k, c, steady, push0[1], pull)
         far[:] = start
         near[:] = start
-        _combine(
-            0.0,
-            0.0,
-            mu_tilde[1] * h,
-            0.0,
-            start.ravel(),
-            start.ravel(),
-            near.ravel(),
-            push0.ravel(),
-            push0.ravel(),
-        )
+        flat, flat0 = start.ravel(), push0.ravel()
+        _combine(0.0, 0.0, scheme.mu_tilde[1] * h, 0.0, flat, flat, near.ravel(), flat0, flat0)
         for j in range(2, s + 1):
-            _prescribe(time + times[j - 1] * h, rest, n, curvature, near[0], near[1])
+            _prescribe(time + scheme.c[j - 1] * h, rest, n, curvature, near[0], near[1])
             push[0] = near[1]
             _accelerate(near[0], near[1], families, k, c, steady, push[1], pull)
+            mu_tilde, gamma_tilde = scheme.mu_tilde[j] * h, scheme.gamma_tilde[j] * h
             _combine(
-                mu[j],
-                nu[j],
-                mu_tilde[j] * h,
-                gamma_tilde[j] * h,
-                start.ravel(),
-                near.ravel(),
-                far.ravel(),
-                push.ravel(),
-                push0.ravel(),
-            )
+                scheme.mu[j], scheme.nu[j], mu_tilde, gamma_tilde,
+                flat, near.ravel(), far.ravel(), push.ravel(), flat0,
+            )  # fmt: skip
             near, far = far, near
         state[:] = near
         _prescribe(time + h, rest, n, curvature, state[0], state[1])
@@ -221,69 +173,63 @@ class ArcBaseline:
         nodes: Nodes along a side.
         h: Fixed step [s]; a whole number of them makes 0.5 s.
         radius: Spectral radius of the linearised system [1/s], which decides the number of stages.
+
+    Attributes:
+        h: The step [s].
+        stages: Force evaluations of a step.
     """
 
     def __init__(self, nodes: int, h: float, radius: float) -> None:
-        from ldcs_ros.scene import load_scene
-
         scene = load_scene(content_of("arc", nodes))
         springs, force, drive = scene.effect("springs"), scene.effect("force"), scene.effect("driven_edges")
         lattice, mass = scene.lattice, scene.lattice.node_mass[0]
         self._rest = np.ascontiguousarray(lattice.rest_position.T)
         self._per_interval = round(ERROR_TIMES[0] / h)
         self.h, self.stages = ERROR_TIMES[0] / self._per_interval, stages(1.02 * radius * h)
-        known = coefficients(self.stages)
-        self._constants = (
-            self._rest,
-            nodes,
-            _families(nodes, nodes, (*lattice.spacing, lattice.size[2])),
-            drive.curvature,
-            springs.stiffness / mass,
-            springs.damping / mass,
-        )
+        self._scheme: Coefficients = coefficients(self.stages)
+        families = _families(nodes, nodes, (*lattice.spacing, lattice.size[2]))
+        self._sheet = (
+            self._rest, nodes, families, drive.curvature, springs.stiffness / mass, springs.damping / mass,
+        )  # fmt: skip
         self._loaded, self._mass = lattice.node("top", nodes - 1, nodes // 2), mass
-        self._load = force.value[2]
-        self._weight = scene.effect("gravity").acceleration[2]
-        self._scheme = (self.stages, known.mu, known.nu, known.mu_tilde, known.gamma_tilde, known.c)
+        self._load, self._weight = force.value[2], scene.effect("gravity").acceleration[2]
 
-    def _steady(self, push: float) -> np.ndarray:
-        """Return the acceleration by weight and load [m/s^2], shape (3, n_nodes)."""
-        steady = np.zeros_like(self._rest)
-        steady[2] = self._weight
-        steady[2, self._loaded] += (self._load + push) / self._mass
-        return steady
+    def counted(self, row: Row, duration: float) -> Row:
+        """Return a row with the steps and evaluations of a duration [s]."""
+        steps = round(duration / self.h)
+        return replace(row, steps=steps, evaluations=steps * self.stages)
 
     def step(self) -> None:
-        """Take the first step, to see what one costs."""
-        state = np.stack([self._rest, np.zeros_like(self._rest)])
-        _run(state, *self._constants, self._steady(0.0), self.h, 0, 1, *self._scheme)
-
-    def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
-        """Return node positions at times [m] with a further load that is set anew at a rate.
-
-        Args:
-            times: When [s], after whole steps.
-            rate: How often `push` is asked [Hz]; a command lasts whole steps.
-            push: Further vertical force on the loaded node at a time [s, N].
-        """
-        state = np.stack([self._rest, np.zeros_like(self._rest)])
-        course, done, held = [], 0, round(1.0 / (rate * self.h))
-        for time in times:
-            while done < round(time / self.h):
-                count = min(held - done % held, round(time / self.h) - done)
-                steady = self._steady(push(done // held / rate))
-                _run(state, *self._constants, steady, self.h, done, count, *self._scheme)
-                done += count
-            course.append(state[0].T.copy())
-        return np.array(course)
+        """Take the first step, for its cost."""
+        self._advance(self._start(), 0, 1, push=0.0)
 
     def run(self, times: tuple[float, ...]) -> np.ndarray:
         """Return node positions at multiples of 0.5 s [m], shape (n_times, n_nodes, 3)."""
-        state = np.stack([self._rest, np.zeros_like(self._rest)])
-        course, done = [], 0
+        return self.run_pushed(times, 1.0 / ERROR_TIMES[0], lambda time: 0.0)
+
+    def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
+        """Return node positions at times [m] with a further load that is set again at a rate.
+
+        Args:
+            times: Times [s], after whole steps.
+            rate: Rate at which `push` is called [Hz]; a command lasts whole steps.
+            push: Further vertical force on the loaded node at a time [s, N].
+        """
+        state, found, done, held = self._start(), [], 0, round(1.0 / (rate * self.h))
         for time in times:
-            whole = round(time / ERROR_TIMES[0]) * self._per_interval
-            _run(state, *self._constants, self._steady(0.0), self.h, done, whole - done, *self._scheme)
-            done = whole
-            course.append(state[0].T.copy())
-        return np.array(course)
+            while done < round(time / self.h):
+                count = min(held - done % held, round(time / self.h) - done)
+                self._advance(state, done, count, push=push(done // held / rate))
+                done += count
+            found.append(state[0].T.copy())
+        return np.array(found)
+
+    def _start(self) -> np.ndarray:
+        return np.stack([self._rest, np.zeros_like(self._rest)])
+
+    def _advance(self, state: np.ndarray, first: int, count: int, *, push: float) -> None:
+        # The acceleration by weight and load [m/s^2], shape (3, n_nodes).
+        steady = np.zeros_like(self._rest)
+        steady[2] = self._weight
+        steady[2, self._loaded] += (self._load + push) / self._mass
+        _run(state, self._sheet, steady, self.h, first, count, self.stages, self._scheme)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ldcs_ros.plotting.style import (
     GRID,
@@ -17,13 +21,14 @@ from ldcs_ros.plotting.style import (
     save_figure,
     style_axes,
 )
-from ldcs_ros.study.command_rates import SMOOTH, against_smooth
-from ldcs_ros.study.growth import measured, peak_memory
-from ldcs_ros.study.spatial import against_finest
-from ldcs_ros.study.targets import MOST_EXPONENT
-from ldcs_ros.study.tasks import BASELINE, Row
+from ldcs_ros.study.command_rates import SMOOTH, RateCost, rate_costs
+from ldcs_ros.study.report import short_reason
+from ldcs_ros.study.rows import BASELINE, Row
+from ldcs_ros.study.scaling import measured_sizes, peak_memory
+from ldcs_ros.study.spatial_convergence import errors_against_finest
+from ldcs_ros.study.targets import MAX_EXPONENT
 
-# The default method and the two to compare with stand out; the others share the palette in a fixed order.
+# The default method and its two competitors are distinct; the others share the palette in a fixed order.
 COLOURS = {
     "esdirk43": LINE_COLOURS[0],
     "trbdf2": LINE_COLOURS[5],
@@ -37,21 +42,21 @@ COLOURS = {
     "scipy_BDF": LINE_COLOURS[7],
     "scipy_Radau": "#C4B8A0",
 }
+COST = "CPU s per simulated s"
 TITLES = {"arc_axiswise": "arc, law axiswise"}
 ERROR_LIMITS = (3e-3, 1e-10)  # m, the exact ones to the right
-FAILURE_PLACE = 1.8e-3  # m: failures stand in a gutter at the left
+FAILURE_PLACE = 1.8e-3  # m: failures are drawn in a gutter at the left
 COLUMNS = 3
 RATE_COLOURS = (LINE_COLOURS[0], LINE_COLOURS[1], LINE_COLOURS[2])
-LEAST_RATE = 3.0  # Hz: where the smooth case stands
+LEAST_RATE = 3.0  # Hz: place of the smooth case
 
 
-def draw(rows: list[Row], path: Path) -> Path:
+def draw(rows: Sequence[Row], path: Path) -> Path:
     """Draw the diagram of a study's rows into a PNG; returns its path."""
     curves = [row for row in rows if row.kind == "curve"]
     problems = sorted({(row.scene, row.nodes) for row in curves}, key=lambda p: (p[0] != "arc", p[0], p[1]))
-    spatial = against_finest(rows)
-    growing, rates = len(measured(rows)) > 1, against_smooth(rows)
-    panels = len(problems) + bool(spatial) + growing + bool(rates)
+    spatial, sizes, rates = errors_against_finest(rows), measured_sizes(rows), rate_costs(rows)
+    panels = len(problems) + bool(spatial) + (len(sizes) > 1) + bool(rates)
     lines = math.ceil(panels / COLUMNS)
     figure = new_figure(13.0, 0.9 + 3.9 * lines + 0.9, dpi=110)
     grid = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
@@ -60,10 +65,10 @@ def draw(rows: list[Row], path: Path) -> Path:
     extra = iter(grid[len(problems) :])
     if spatial:
         _lattice_panel(next(extra), spatial)
-    if growing:
-        _growth_panel(next(extra), measured(rows))
+    if len(sizes) > 1:
+        _scaling_panel(next(extra), sizes)
     if rates:
-        _rates_panel(next(extra), rates, rows)
+        _rates_panel(next(extra), rates)
     for axes in grid[panels:]:
         axes.set_axis_off()
     height = figure.get_figheight()
@@ -72,16 +77,14 @@ def draw(rows: list[Row], path: Path) -> Path:
     add_title(
         figure,
         "What accuracy costs: CPU time against the largest node position error",
-        "one thread, one process; up and to the right is dear and exact; filled: adaptive, open: fixed steps, "
-        "cross: no result (reason beside it)",
+        "one thread, one process; up: costly, right: accurate; filled: adaptive, open: fixed steps, cross: no result",
     )
     return save_figure(figure, path)
 
 
-def _panel(axes: Any, scene: str, nodes: int, rows: list[Row]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    style_axes(axes, x_label="largest error [m]", y_label="CPU s per simulated s", title=_title(scene, nodes))
+def _panel(axes: Axes, scene: str, nodes: int, rows: Sequence[Row]) -> None:
+    title = f"{TITLES.get(scene, scene)}, {nodes} x {nodes}"
+    _log_axes(axes, x_label="largest error [m]", y_label=COST, title=title)
     for method in COLOURS:
         for setting, face in (("accuracy", COLOURS[method]), ("dt", "white")):
             made = [row for row in rows if (row.method, row.setting) == (method, setting) and not row.failure]
@@ -106,12 +109,12 @@ def _panel(axes: Any, scene: str, nodes: int, rows: list[Row]) -> None:
     _mark_failures(axes, [row for row in rows if row.failure])
 
 
-def _mark_failures(axes: Any, rows: list[Row]) -> None:
+def _mark_failures(axes: Axes, rows: Sequence[Row]) -> None:
     low, high = axes.get_ylim()
     span = math.log(high / low)
     taken = high
     for row in sorted(rows, key=lambda row: -row.cpu if math.isfinite(row.cpu) else -math.inf):
-        # Where its pace puts it, or at the top; below the mark before it, so that texts stay apart.
+        # At the height of its pace, or at the top; below the mark before it, so that texts stay apart.
         wanted = min(row.cpu, high) if math.isfinite(row.cpu) else high
         taken = min(wanted, taken) * math.exp(-0.055 * span)
         axes.plot(
@@ -121,15 +124,9 @@ def _mark_failures(axes: Any, rows: list[Row]) -> None:
         axes.text(FAILURE_PLACE * 0.6, taken, text, fontsize=7, color=INK, va="center")
 
 
-def _lattice_panel(axes: Any, errors: dict[int, float]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    style_axes(
-        axes,
-        x_label="nodes along a side",
-        y_label="error of P0, P1 [m]",
-        title="arc_material: the lattice's own error",
-    )
+def _lattice_panel(axes: Axes, errors: dict[int, float]) -> None:
+    title = "arc_material: the lattice's own error"
+    _log_axes(axes, x_label="nodes along a side", y_label="error of P0, P1 [m]", title=title)
     nodes, values = list(errors), list(errors.values())
     axes.plot(nodes, values, color=LINE_COLOURS[1], marker="o", linewidth=2.0)
     for n, value in errors.items():
@@ -152,13 +149,11 @@ def _lattice_panel(axes: Any, errors: dict[int, float]) -> None:
     )
 
 
-def _growth_panel(axes: Any, rows: list[Row]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+def _scaling_panel(axes: Axes, rows: Sequence[Row]) -> None:
     title = f"{rows[0].scene}: cost by size at {rows[0].value:.0e} m"
-    style_axes(axes, x_label="nodes along a side", y_label="CPU s per simulated s", title=title)
+    _log_axes(axes, x_label="nodes along a side", y_label=COST, title=title)
     sides, costs = [row.nodes for row in rows], [row.cpu for row in rows]
-    for power, style in ((1.0, ":"), (MOST_EXPONENT, "--"), (2.0, ":")):
+    for power, style in ((1.0, ":"), (MAX_EXPONENT, "--"), (2.0, ":")):
         guide = [costs[0] * (n / sides[0]) ** (2.0 * power) for n in sides]
         axes.plot(sides, guide, color=SOFT_INK, linewidth=0.9, linestyle=style, zorder=1)
         place, text = (sides[-1], guide[-1]), f"nodes^{power:g}"
@@ -173,25 +168,17 @@ def _growth_panel(axes: Any, rows: list[Row]) -> None:
     axes.axhline(1.0, color=SOFT_INK, linewidth=0.9, linestyle="--", zorder=1)
 
 
-def _rates_panel(axes: Any, rates: dict[str, dict[float, tuple[float, Row]]], rows: list[Row]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    style_axes(
-        axes,
-        x_label="commands a second (left: smooth)",
-        y_label="CPU s per simulated s",
-        title="commands at a rate",
-    )
-    known = sorted({rate for by_rate in rates.values() for rate in by_rate})
-    places = {rate: max(rate, LEAST_RATE) for rate in known}
-    for colour, (scene, by_rate) in zip(RATE_COLOURS, rates.items(), strict=False):
-        costs = [row.cpu for _, row in by_rate.values()]
-        axes.plot(
-            [places[rate] for rate in by_rate], costs, color=colour, marker="o", linewidth=2.0, label=scene
-        )
-    loop = sorted(
-        (row.value, row.cpu) for row in rows if row.kind == "rate" and row.method == BASELINE and row.cpu > 0
-    )
+def _rates_panel(axes: Axes, costs: dict[tuple[str, float], RateCost]) -> None:
+    _log_axes(axes, x_label="commands per second (left: smooth)", y_label=COST, title="commands at a rate")
+    places = {rate: max(rate, LEAST_RATE) for rate in sorted({rate for _, rate in costs})}
+    for colour, scene in zip(RATE_COLOURS, dict.fromkeys(scene for scene, _ in costs), strict=False):
+        ours = [(places[rate], cost.row.cpu) for (name, rate), cost in costs.items() if name == scene]
+        axes.plot(*zip(*ours, strict=True), color=colour, marker="o", linewidth=2.0, label=scene)
+    loop = [
+        (rate, other.cpu)
+        for (_, rate), cost in costs.items()
+        if (other := cost.others.get(BASELINE)) is not None and other.cpu > 0
+    ]
     if loop:
         label = "arc_pushed, compiled RKC2"
         axes.plot(*zip(*loop, strict=True), color=COLOURS[BASELINE], marker="s", linewidth=1.4, label=label)
@@ -201,9 +188,13 @@ def _rates_panel(axes: Any, rates: dict[str, dict[float, tuple[float, Row]]], ro
     axes.legend(frameon=False, fontsize=8, loc="upper left")
 
 
-def _legend(figure: Any, methods: set[str]) -> None:
-    from matplotlib.lines import Line2D
+def _log_axes(axes: Axes, *, x_label: str, y_label: str, title: str) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    style_axes(axes, x_label=x_label, y_label=y_label, title=title)
 
+
+def _legend(figure: Figure, methods: set[str]) -> None:
     shown = [method for method in COLOURS if method in methods]
     handles = [
         Line2D([], [], color=COLOURS[m], marker="s" if m == BASELINE else "o", linewidth=2.0, label=_name(m))
@@ -214,23 +205,3 @@ def _legend(figure: Any, methods: set[str]) -> None:
 
 def _name(method: str) -> str:
     return {BASELINE: "compiled RKC2 baseline"}.get(method, method.replace("_", " "))
-
-
-def _title(scene: str, nodes: int) -> str:
-    return f"{TITLES.get(scene, scene)}, {nodes} x {nodes}"
-
-
-def short_reason(failure: str) -> str:
-    """Return a failure in a few words."""
-    for sign, words in (
-        ("too slow", failure.split(" by its")[0].replace(" CPU s per simulated second", " CPU s a second")),
-        ("stability limit", "above its stability limit"),
-        ("does not converge", "does not converge"),
-        ("grows", "becomes unstable"),
-        ("left the sheet", "leaves the sheet"),
-        ("not linear", "for linear scenes only"),
-        ("the fixed step", "a step fails"),
-    ):
-        if sign in failure:
-            return words
-    return failure if len(failure) < 50 else f"{failure[:47]}..."

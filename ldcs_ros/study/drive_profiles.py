@@ -1,4 +1,4 @@
-"""Commands as a rig's controller sends them: a smooth course sampled at a rate and held, or followed without steps."""
+"""Drive profiles: a smooth profile that is sampled at a rate and held, as by a rig's controller, or followed itself."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.physics.inputs import HeldCommands, Wrench
+from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.simulation import Simulation
-from ldcs_ros.study.problems import content_of
+from ldcs_ros.study.problems import content_of, positions
 
-PERIOD = 2.0  # s: from nothing to everything and back
+PERIOD = 2.0  # s: from zero to the maximum and back
 PUSHED_NODE = "node_top_8_4_aligned"
 # Problem -> (shipped scene, what is commanded, its largest value [Pa, N m or N]).
 DRIVEN = {
@@ -25,19 +26,19 @@ DRIVEN = {
 
 @dataclass(frozen=True)
 class DriveProfile:
-    """What is commanded over time, (1 - cos(2 pi t / PERIOD)) / 2 of the most.
+    """A command over time, (1 - cos(2 pi t / PERIOD)) / 2 of the maximum.
 
     Attributes:
         kind: 'pressure', 'torque' or 'wrench'.
-        most: Largest value [Pa, N m or N].
+        maximum: Largest value [Pa, N m or N].
     """
 
     kind: str
-    most: float
+    maximum: float
 
     def at(self, time: float) -> float:
         """Return the value at a time [s]; 0 before the start."""
-        return 0.5 * self.most * (1.0 - math.cos(2.0 * math.pi * max(time, 0.0) / PERIOD))
+        return 0.5 * self.maximum * (1.0 - math.cos(2.0 * math.pi * max(time, 0.0) / PERIOD))
 
     def send(self, inputs: Inputs, value: float) -> None:
         """Command a value."""
@@ -49,76 +50,81 @@ class DriveProfile:
             inputs.set_wrench(PUSHED_NODE, force=(0.0, 0.0, value))
 
 
-def problem(name: str) -> tuple[dict[str, Any], DriveProfile]:
-    """Return the content of a driven problem's scene, whose own commands are left out, and its course."""
-    shipped, kind, most = DRIVEN[name]
+def drive_problem(name: str) -> tuple[dict[str, Any], DriveProfile]:
+    """Return the content of a driven problem's scene without its own commands, and the profile of its drive."""
+    shipped, kind, maximum = DRIVEN[name]
     content = {**content_of(shipped), "inputs": []}
     if kind == "wrench":
         content["effects"] = [*content["effects"], {"type": "wrench"}]
-    return content, DriveProfile(kind, most)
+    return content, DriveProfile(kind, maximum)
 
 
 def sampled(
-    simulation: Simulation, course: DriveProfile, rate: float, times: tuple[float, ...]
+    simulation: Simulation, profile: DriveProfile, rate: float, times: tuple[float, ...]
 ) -> np.ndarray:
-    """Advance through times [s] with a command every 1 / rate; return all node positions there [m], shape (n_times,
-    n_nodes, 3)."""
-    positions, count = [], 0
-    for time in times:
-        while count / rate < time - 1e-9:
-            simulation.advance_to(count / rate)
-            course.send(simulation.inputs, course.at(count / rate))
-            count += 1
-        simulation.advance_to(time)
-        positions.append(simulation.state.position)
-    return np.array(positions)
+    """Advance through times [s] with a command every 1 / rate; return all node positions there [m].
 
-
-def follow(simulation: Simulation, course: DriveProfile) -> None:
-    """Let a simulation's drive follow the course itself, which no command can ask for: the smooth case.
-
-    On this simulation's one term only: model, Jacobian and solver are those of every other run.
+    The result has shape (n_times, n_nodes, 3).
     """
-    if course.kind == "wrench":
+    count = 0
+
+    def advance(simulation: Simulation, end: float) -> None:
+        nonlocal count
+        while count / rate < end - TIME_TOLERANCE:
+            simulation.advance_to(count / rate)
+            profile.send(simulation.inputs, profile.at(count / rate))
+            count += 1
+        simulation.advance_to(end)
+
+    return positions(simulation, times, advance)
+
+
+def follow(simulation: Simulation, profile: DriveProfile) -> None:
+    """Let a simulation's drive follow the profile itself, which no command can ask for: the smooth case.
+
+    Only one term of this simulation changes: model, Jacobian and solver are those of every other run.
+    """
+    if profile.kind == "wrench":
+        # Any: a method of one object is replaced, which types do not express.
         pushed: Any = simulation.model.wrench
 
         def add_force(
             time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
         ) -> None:
-            now = {PUSHED_NODE: Wrench(force=(0.0, 0.0, course.at(time)))}
+            now = {PUSHED_NODE: Wrench(force=(0.0, 0.0, profile.at(time)))}
             type(pushed).add_force(pushed, time, q, u, HeldCommands(wrenches=now), force)
 
         pushed.add_force = add_force
         return
     term: Any = simulation.model.arms
     arms, shape = term.arms, (2, term.n_links)
-    if course.kind == "pressure":
-        chamber = Chamber(course, arms.fill_time, arms.vent_time, arms.dead_time)
+    if profile.kind == "pressure":
+        chamber = Chamber(profile, arms.fill_time, arms.vent_time, arms.dead_time)
         term.drive_torque = lambda time, inputs: np.full(shape, arms.pressure_gain * chamber.at(time))
     else:
-        term.drive_torque = lambda time, inputs: np.full(shape, course.at(time))
+        term.drive_torque = lambda time, inputs: np.full(shape, profile.at(time))
 
 
 class Chamber:
-    """The pressure of a chamber whose valve follows a course: p' = (course - p) / tau, solved exactly.
+    """The pressure of a chamber whose valve follows a profile: p' = (profile - p) / tau, solved exactly.
 
     Args:
-        course: What the valve is asked for.
+        profile: The pressure that the valve is asked for.
         fill_time: tau while the pressure rises [s].
         vent_time: tau while it falls [s].
-        dead_time: How much later the valve answers [s].
+        dead_time: Delay of the valve [s].
     """
 
-    def __init__(self, course: DriveProfile, fill_time: float, vent_time: float, dead_time: float) -> None:
-        self._rate, self._half, self._delay = 2.0 * math.pi / PERIOD, 0.5 * course.most, dead_time
-        self._course = course
-        self._parts: list[tuple[float, float, float]] = [(0.0, fill_time, self._rest(0.0, 0.0, fill_time))]
-        # The pressure turns where it meets the course: first within half a period, then within each other half.
+    def __init__(self, profile: DriveProfile, fill_time: float, vent_time: float, dead_time: float) -> None:
+        self._rate, self._half, self._delay = 2.0 * math.pi / PERIOD, 0.5 * profile.maximum, dead_time
+        self._profile = profile
+        self._parts: list[tuple[float, float, float]] = [(0.0, fill_time, self._offset(0.0, 0.0, fill_time))]
+        # The pressure turns where it meets the profile: first within half a period, then within each other half.
         for k in range(1, 8):
             began, tau, _ = self._parts[-1]
             turn = self._meeting(max(began + 1e-6, 0.5 * k * PERIOD), 0.5 * (k + 1) * PERIOD)
             after = vent_time if tau == fill_time and k % 2 == 1 else fill_time
-            self._parts.append((turn, after, self._rest(turn, self._pressure(turn), after)))
+            self._parts.append((turn, after, self._offset(turn, self._pressure(turn), after)))
 
     def at(self, time: float) -> float:
         """Return the gauge pressure at a time [s, Pa]."""
@@ -130,23 +136,23 @@ class Chamber:
             1.0 - (math.cos(w * time) + w * tau * math.sin(w * time)) / (1.0 + (w * tau) ** 2)
         )
 
-    def _rest(self, time: float, pressure: float, tau: float) -> float:
+    def _offset(self, time: float, pressure: float, tau: float) -> float:
         return pressure - self._driven(time, tau)
 
     def _pressure(self, time: float) -> float:
-        began, tau, rest = self._parts[0]
+        began, tau, offset = self._parts[0]
         for part in self._parts:
             if part[0] > time:
                 break
-            began, tau, rest = part
-        return self._driven(time, tau) + rest * math.exp(-(time - began) / tau)
+            began, tau, offset = part
+        return self._driven(time, tau) + offset * math.exp(-(time - began) / tau)
 
     def _meeting(self, low: float, high: float) -> float:
-        # Past a turn of the course the pressure lags behind it until they meet.
-        sign = self._course.at(low) > self._pressure(low)
+        # After an extremum of the profile the pressure lags until they meet.
+        sign = self._profile.at(low) > self._pressure(low)
         for _ in range(60):
             middle = 0.5 * (low + high)
-            if (self._course.at(middle) > self._pressure(middle)) == sign:
+            if (self._profile.at(middle) > self._pressure(middle)) == sign:
                 low = middle
             else:
                 high = middle

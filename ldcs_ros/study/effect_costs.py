@@ -1,21 +1,17 @@
-"""What each effect costs: a force evaluation, a Jacobian and a step, with all effects and with one left out."""
+"""Cost of each effect: a force evaluation and a Jacobian, with all effects and with one left out."""
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.scene.scene import Scene
 from ldcs_ros.simulation.simulation import Simulation
-from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.study.problems import content_of
-from ldcs_ros.study.tasks import Row, Task
-from ldcs_ros.study.timing import best_of
+from ldcs_ros.study.rows import Row, Task
+from ldcs_ros.study.timing import best_of, in_turns
 
-# Beside the shipped scene's effects: those that work with any of them.
 ADDED = (
     {"type": "drag"},
     {"type": "floor", "height": -0.2},
@@ -23,79 +19,63 @@ ADDED = (
 )
 CALLS, ROUNDS = 100, 15
 ACCURACY = 1e-5  # m
-SETTLING, SPAN = 0.02, 0.3  # s: past the jumps at the start, and how long steps are timed
+SETTLING, SPAN = 0.02, 0.3  # s: past the jumps at the start, and duration of the timed steps
 
 
 def effect_costs(task: Task) -> list[Row]:
     """Return a row for all effects ('none' left out) and one for each left out; times in `extra` [us]."""
     content = content_of(task.scene, task.nodes)
-    named = {effect["type"] for effect in content["effects"]}
-    content["effects"] += [effect for effect in ADDED if effect["type"] not in named]
+    names = {effect["type"] for effect in content["effects"]}
+    content["effects"] += [effect for effect in ADDED if effect["type"] not in names]
+    content["solver"] = {"accuracy": ACCURACY}
     simulations: dict[str, Simulation] = {}
-    rows = []
+    rows: dict[str, Row] = {}
     for left_out in ("none", *dict.fromkeys(effect["type"] for effect in content["effects"])):
-        scene = _without(content, left_out)
-        simulation = scene.build()
+        kept = [effect for effect in content["effects"] if effect["type"] != left_out]
+        inputs = [] if left_out == "arms" else content.get("inputs", [])
+        simulation = load_scene({**content, "effects": kept, "inputs": inputs}).build()
+        row = replace(task.row(), method=simulation.integrator.name, setting=left_out, value=ACCURACY)
         try:
             simulation.advance_to(SETTLING)
-            simulations[left_out] = simulation
+            simulations[left_out], rows[left_out] = simulation, row
         except DivergenceError as error:
-            rows.append(_row(task, simulation, left_out, failure=str(error)))
-    costs = _evaluations(simulations)
-    for left_out, simulation in simulations.items():
-        force, jacobian = costs[left_out]
-        texts = [f"force {1e6 * force:.2f}", f"jacobian {1e6 * jacobian:.1f}"]
-        values: dict[str, Any] = {}
-        if left_out == "none":
-            values, per_step = _steps(simulation)
-            texts.append(f"step {per_step:.0f}")
-        rows.append(_row(task, simulation, left_out, extra=" ".join(texts), **values))
-    return rows
+            rows[left_out] = replace(row, failure=str(error))
+    forces = in_turns(*map(_force, simulations.values()), rounds=ROUNDS, calls=CALLS)
+    jacobians = in_turns(*map(_jacobian, simulations.values()), rounds=ROUNDS, calls=CALLS // 10)
+    for left_out, force, jacobian in zip(simulations, forces, jacobians, strict=True):
+        extra = f"force {1e6 * force:.2f} jacobian {1e6 * jacobian:.1f}"
+        rows[left_out] = replace(rows[left_out], extra=extra)
+    if "none" in simulations:
+        rows["none"] = _with_steps(rows["none"], simulations["none"])
+    return list(rows.values())
 
 
-def _without(content: dict[str, Any], left_out: str) -> Scene:
-    kept = [effect for effect in content["effects"] if effect["type"] != left_out]
-    inputs = [] if left_out == "arms" else content.get("inputs", [])
-    return load_scene({**content, "effects": kept, "inputs": inputs, "solver": {"accuracy": ACCURACY}})
+def _force(simulation: Simulation) -> Callable[[], object]:
+    model, motion, held = simulation.model, simulation.motion(), simulation.inputs.held()
+    return lambda: model.force(motion.time, motion.q, motion.u, held)
 
 
-def _row(task: Task, simulation: Simulation, left_out: str, **values: Any) -> Row:
-    nodes, method = simulation.lattice.nodes[0], simulation.integrator.name
-    return Row("effect", task.scene, nodes, method, left_out, ACCURACY, **values)
+def _jacobian(simulation: Simulation) -> Callable[[], object]:
+    model, motion, held = simulation.model, simulation.motion(), simulation.inputs.held()
+    return lambda: model.jacobian(motion.time, motion.q, motion.u, held, definite=False)
 
 
-def _evaluations(simulations: dict[str, Simulation]) -> dict[str, tuple[float, float]]:
-    """Return the CPU time of a force evaluation and of a Jacobian [s], measured in turns."""
-    best = {name: (float("inf"), float("inf")) for name in simulations}
-    with one_thread():
-        for _ in range(ROUNDS):
-            for name, simulation in simulations.items():
-                model, motion = simulation.model, simulation.motion()
-                where = (motion.time, motion.q, motion.u, simulation.inputs.held())
-                began = time.thread_time()
-                for _ in range(CALLS):
-                    model.force(*where)
-                middle = time.thread_time()
-                for _ in range(CALLS // 10):
-                    model.jacobian(*where, definite=False)
-                taken = (middle - began) / CALLS, (time.thread_time() - middle) / (CALLS // 10)
-                best[name] = min(best[name][0], taken[0]), min(best[name][1], taken[1])
-    return best
-
-
-def _steps(simulation: Simulation) -> tuple[dict[str, Any], float]:
-    """Return what SPAN seconds from the present state cost, as values of a row, and the CPU time of a step [us]."""
+def _with_steps(row: Row, simulation: Simulation) -> Row:
+    """Return the row with the cost of SPAN seconds from the present state; the CPU time of a step is in `extra`."""
     start = simulation.state
 
-    def run() -> dict[str, int]:
+    def run() -> Row:
         simulation.reset(start)
         before = replace(simulation.integrator.counters)
         simulation.advance_to(SETTLING + SPAN)
         after = simulation.integrator.counters
-        return {
-            name: getattr(after, name) - getattr(before, name)
-            for name in ("steps", "evaluations", "factorisations")
-        }
+        return replace(
+            row,
+            steps=after.steps - before.steps,
+            evaluations=after.evaluations - before.evaluations,
+            factorisations=after.factorisations - before.factorisations,
+        )
 
-    cpu, counts = best_of(5, run)
-    return {"cpu": cpu / SPAN, **counts}, 1e6 * cpu / max(counts["steps"], 1)
+    cpu, counted = best_of(5, run)
+    extra = f"{row.extra} step {1e6 * cpu / max(counted.steps, 1):.0f}"
+    return replace(counted, cpu=cpu / SPAN, extra=extra)

@@ -1,14 +1,13 @@
-"""What a study measures: the presets quick, targets and full, as lists of tasks."""
+"""The presets quick, targets and full of a study, as lists of tasks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from ldcs_ros.scene import shipped_scenes
 from ldcs_ros.study.command_rates import SMOOTH
 from ldcs_ros.study.drive_profiles import DRIVEN
-from ldcs_ros.study.tasks import BASELINE, Task
+from ldcs_ros.study.rows import BASELINE, Key, Task
 
 IMPLICIT = ("esdirk43", "trbdf2", "rosenbrock_w", "linearly_implicit_euler")
 ADAPTIVE = (*IMPLICIT, "rkc2")
@@ -26,7 +25,7 @@ ORDER_STEPS = {
 
 
 def quick() -> list[Task]:
-    """Return the preset that ends within two minutes: 9 x 9 in full, less of 17 x 17 and 33 x 33, no SciPy there."""
+    """Return the preset of two minutes: 9 x 9 in full, less of 17 x 17 and 33 x 33, without SciPy there."""
     return [
         *_sweep("arc", 9, ("esdirk43", "trbdf2"), (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
         *_sweep("arc", 9, ("rkc2",), (1e-3, 1e-4, 1e-5, 1e-6), runs=2),
@@ -48,18 +47,17 @@ def quick() -> list[Task]:
         *_baseline(17, (0.02, 0.01)),
         *_sweep("arc", 33, ("esdirk43", "trbdf2"), (1e-3, 1e-4, 2e-5), runs=2),
         *_baseline(33, (0.05, 0.02)),
-        *_promises(),
+        *_accuracy_checks(),
         Task("check", "arc", 9, "radau", "accuracy", 1e-7, 1),
         Task("effect", "rig", 9, "esdirk43", "leave out", 0.0, weight=4.0),
         *_spatial((5, 9, 17, 33)),
-        *_growth((17, 33)),
+        *_scaling((17, 33)),
         *_rates((SMOOTH, 100.0), ("arc_pushed",)),
-        *_bounds((("arc", 9, 1e-5), ("arc", 17, 1e-5), ("rig", 9, 1e-5), ("hanging_sheet", 9, 1e-5))),
     ]
 
 
 def targets() -> list[Task]:
-    """Return what the table of targets needs, ours beside the others in one process: some minutes."""
+    """Return the tasks of the table of targets, our method and the others in one process: some minutes."""
     return [
         *_sweep("arc", 9, ("esdirk43", "trbdf2"), (1e-4, 1e-5, 1e-6)),
         *_baseline(9),
@@ -71,9 +69,9 @@ def targets() -> list[Task]:
         *_sweep("arc", 33, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_sweep("arc", 65, ("esdirk43",), (1e-4, 2e-5), runs=1, budget=300.0, weight=8.0),
         *_baseline(65, (0.02, 0.01), weight=35.0, budget=120.0),
-        *_growth((17, 33, 65, 129)),
+        *_scaling((17, 33, 65, 129)),
         *_rates((SMOOTH, 100.0, 1000.0)),
-        *_promises(),
+        *_accuracy_checks(),
     ]
 
 
@@ -109,7 +107,7 @@ def full() -> list[Task]:
     tasks += _sweep("arc", 33, ("esdirk43", "trbdf2"), (*fine[:3], 2e-5, 1e-6), runs=1)
     tasks += _sweep("arc", 33, ("rosenbrock_w", "rkc2"), (1e-4,), runs=1, budget=20.0, weight=6.0)
     tasks += _sweep("arc", 65, ("esdirk43", "trbdf2"), (1e-3, 1e-5), runs=1, budget=200.0, weight=8.0)
-    # Not `arc`: its point load crumples so fine a lattice of such springs, and rounding decides which way.
+    # Not `arc`: its point load crumples such a fine lattice of its springs, and rounding decides the direction.
     tasks += _sweep("arc_material", 129, ("esdirk43",), (1e-3, 1e-4, 2e-5), runs=1, budget=400.0, weight=30.0)
     tasks += [Task("check", scene, 9, "radau", "accuracy", 1e-7, 1, weight=8.0) for scene in ("arc", "paper")]
     tasks += [
@@ -117,14 +115,8 @@ def full() -> list[Task]:
     ]
     tasks += _spatial((5, 9, 17, 33, 65))
     tasks += _rates((10.0, 50.0, 200.0))
-    tasks += _bounds(
-        (scene, 9, error)
-        for scene in ("arc", "rig", "paper", "hanging_sheet")
-        for error in (1e-4, 1e-5, 1e-6)
-    )
-    tasks += _bounds((("arc", 17, 1e-5), ("hanging_sheet", 17, 1e-5), ("arc", 33, 2e-5), ("arc", 65, 2e-5)))
-    # What the targets ask twice, and in their order, is measured once.
-    once: dict[Any, Task] = {}
+    # A task that the targets contain, too, is measured once, in the targets' order.
+    once: dict[Key, Task] = {}
     for task in tasks:
         once.setdefault(task.key, task)
     return list(once.values())
@@ -161,29 +153,26 @@ def _baseline(
     return [Task("curve", "arc", nodes, BASELINE, "dt", h, 3, budget, weight) for h in steps]
 
 
-def _promises() -> list[Task]:
-    return [Task("promise", name, 0, "auto", "accuracy", 0.0, weight=3.0) for name in shipped_scenes()]
+def _accuracy_checks() -> list[Task]:
+    return [Task("accuracy", name, 0, "auto", "accuracy", 0.0, weight=3.0) for name in shipped_scenes()]
 
 
 def _spatial(sizes: tuple[int, ...]) -> list[Task]:
-    # The error in time is nothing beside the lattice's own, some 1e-4 m.
+    # The error in time is small against the lattice's own, some 1e-4 m.
     return [
         Task("spatial", "arc_material", n, "esdirk43", "accuracy", 1e-6, weight=n * n / 300) for n in sizes
     ]
 
 
-def _growth(sizes: tuple[int, ...]) -> list[Task]:
+def _scaling(sizes: tuple[int, ...]) -> list[Task]:
     return [
-        Task("growth", "arc_material", n, "esdirk43", "accuracy", 1e-5, weight=2 + n * n / 300) for n in sizes
+        Task("scaling", "arc_material", n, "esdirk43", "accuracy", 1e-5, weight=2 + n * n / 300)
+        for n in sizes
     ]
 
 
 def _rates(rates: Iterable[float], scenes: Iterable[str] = tuple(DRIVEN)) -> list[Task]:
     return [Task("rate", scene, 9, "all", "rate", rate, weight=12.0) for rate in rates for scene in scenes]
-
-
-def _bounds(problems: Iterable[tuple[str, int, float]]) -> list[Task]:
-    return [Task("bound", scene, nodes, "rock4_bound", "accuracy", error) for scene, nodes, error in problems]
 
 
 PRESETS = {"quick": quick, "targets": targets, "full": full}

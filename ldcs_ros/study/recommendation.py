@@ -1,16 +1,18 @@
-"""What to use, as one paragraph from the numbers: which method costs least, over what, and where another does."""
+"""Recommendation of a method from the numbers, as one paragraph."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 
-from ldcs_ros.study.spatial import against_finest
-from ldcs_ros.study.tasks import BASELINE, METHODS_APART, SCIPY, Row
+from ldcs_ros.study.rows import BASELINE, METHODS_APART, SCIPY, Row
+from ldcs_ros.study.spatial_convergence import errors_against_finest
 
 DEFAULT = "esdirk43"
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # m
-RIVALS = {BASELINE: "compiled RKC2 baseline", SCIPY[0]: "SciPy's BDF"}
+COMPETITORS = {BASELINE: "the compiled RKC2 baseline", SCIPY[0]: "SciPy's BDF"}
+GAIN_ERROR = 2e-5  # m
+Problem = tuple[str, int]
 
 
 def cheapest(rows: Iterable[Row], target: float) -> Row | None:
@@ -19,108 +21,104 @@ def cheapest(rows: Iterable[Row], target: float) -> Row | None:
     return min(good, key=lambda row: row.cpu) if good else None
 
 
-def curves(rows: Sequence[Row]) -> dict[tuple[str, int], dict[str, list[Row]]]:
+def curves(rows: Sequence[Row]) -> dict[Problem, dict[str, list[Row]]]:
     """Return the points of the diagrams by problem and method."""
-    found: dict[tuple[str, int], dict[str, list[Row]]] = {}
+    found: dict[Problem, dict[str, list[Row]]] = {}
     for row in rows:
         if row.kind == "curve":
             found.setdefault((row.scene, row.nodes), {}).setdefault(row.method, []).append(row)
     return found
 
 
-def slowdowns(rows: Sequence[Row]) -> tuple[dict[str, list[float]], int]:
-    """Return how many times the cheapest one each of our methods costs, where it reaches the error, and how many
-    pairs of a problem and an error were open to more than one method."""
-    found: dict[str, list[float]] = {}
-    contests = 0
-    for methods in curves(rows).values():
+def cost_ratio(rows: Iterable[Row], ours: Row, target: float) -> float | None:
+    """Return the cost of the cheapest of some rows over our row's at an error [m]; None if none reaches it."""
+    other = cheapest(rows, target)
+    return None if other is None else other.cpu / ours.cpu
+
+
+def slowdowns(rows: Sequence[Row]) -> dict[str, dict[tuple[Problem, float], float]]:
+    """Return the cost of each of our methods over the cheapest one's, by method, problem and error.
+
+    Pairs of a problem and an error that only one method reaches are left out.
+    """
+    found: dict[str, dict[tuple[Problem, float], float]] = {}
+    for problem, methods in curves(rows).items():
         for target in TARGETS:
             best = {
                 name: cheapest(made, target) for name, made in methods.items() if name not in METHODS_APART
             }
-            able = {name: row.cpu for name, row in best.items() if row is not None}
-            if len(able) > 1:
-                contests += 1
-                for name, cpu in able.items():
-                    found.setdefault(name, []).append(cpu / min(able.values()))
-    return found, contests
+            costs = {name: row.cpu for name, row in best.items() if row is not None}
+            if len(costs) > 1:
+                for name, cpu in costs.items():
+                    found.setdefault(name, {})[problem, target] = cpu / min(costs.values())
+    return found
 
 
 def recommendation(rows: Sequence[Row]) -> str:
-    """Return one paragraph: what to use, what it gains over what else there is, what never pays."""
-    found, contests = slowdowns(rows)
-    if not contests:
+    """Return one paragraph: the method to use, its gain over other solvers, and the methods that never win."""
+    ratios = slowdowns(rows)
+    if not ratios:
         return "Too few rows for a recommendation: run the quick preset to its end."
-    typical = {name: math.exp(sum(map(math.log, ratios)) / len(ratios)) for name, ratios in found.items()}
-    # First the methods that reach most errors, then the one that costs least in the mean over all of them.
-    most = max(len(ratios) for ratios in found.values())
-    first = min((name for name in found if len(found[name]) >= 0.9 * most), key=lambda name: typical[name])
-    text = (
-        f"Use `{first}`{' (the default)' if first == DEFAULT else ''}: in {contests} pairs of a problem and "
-        f"an error it "
-        f"costs {typical[first]:.2f} times what the cheapest of our methods does, in the geometric mean, and "
-        f"{max(found[first]):.1f} times at worst. {_gains(curves(rows), first)}"
-    )
-    others = sorted(
-        (name for name in found if name != first and min(found[name]) == 1.0), key=lambda n: typical[n]
-    )
+    mean = {name: math.exp(sum(map(math.log, r.values())) / len(r)) for name, r in ratios.items()}
+    # Of the methods that reach most errors, the one with the least mean cost.
+    most = max(map(len, ratios.values()))
+    best = min((name for name in ratios if len(ratios[name]) >= 0.9 * most), key=lambda name: mean[name])
+    pairs = len({pair for found in ratios.values() for pair in found})
+    parts = [
+        f"Use `{best}`{' (the default)' if best == DEFAULT else ''}: in {pairs} pairs of a problem and an error it "
+        f"costs {mean[best]:.2f} times the cheapest of our methods in the geometric mean, and "
+        f"{max(ratios[best].values()):.1f} times at worst.",
+        _gains(rows, best),
+    ]
+    winners = [
+        name for name in sorted(mean, key=lambda name: mean[name]) if min(ratios[name].values()) == 1.0
+    ]
+    others = [name for name in winners if name != best]
     if others:
-        text += "Sometimes cheaper: " + "; ".join(_where_cheaper(rows, name, first) for name in others) + ". "
-    tried = {row.method for row in rows if row.kind == "curve"} - set(METHODS_APART)
-    beaten = sorted(tried - {first, *others})
-    if beaten:
-        names = ", ".join(f"`{name}`" for name in beaten)
-        text += (
-            f"Beaten everywhere here: {names}; they stay for comparison, and because each checks the others. "
-        )
-    return (text + _about_lattices(rows)).strip()
+        parts.append(f"Sometimes cheaper: {'; '.join(_wins(name, ratios[name]) for name in others)}.")
+    methods = {row.method for row in rows if row.kind == "curve"} - {*METHODS_APART, best, *others}
+    if methods:
+        names = ", ".join(f"`{name}`" for name in sorted(methods))
+        parts.append(f"Slower in every test: {names}; they are kept as independent references.")
+    return " ".join(part for part in [*parts, _about_lattices(rows)] if part)
 
 
-def _where_cheaper(rows: Sequence[Row], name: str, first: str) -> str:
-    places = []
-    for (scene, nodes), methods in curves(rows).items():
-        won = []
-        for target in TARGETS:
-            able = {n: cheapest(made, target) for n, made in methods.items() if n not in METHODS_APART}
-            costs = {n: row.cpu for n, row in able.items() if row is not None}
-            if len(costs) > 1 and costs.get(name) == min(costs.values()):
-                won.append(target)
-        if won:
-            span = f"{max(won):.0e}" if len(won) == 1 else f"{max(won):.0e} to {min(won):.0e}"
-            places.append(f"`{scene}` {nodes} x {nodes} at {span} m")
-    return f"`{name}` ({', '.join(places)})"
+def _wins(name: str, ratios: dict[tuple[Problem, float], float]) -> str:
+    won: dict[Problem, list[float]] = {}
+    for (problem, target), ratio in ratios.items():
+        if ratio == 1.0:
+            won.setdefault(problem, []).append(target)
+    places = (
+        f"`{scene}` {nodes} x {nodes} at "
+        + " to ".join(f"{error:.0e}" for error in sorted({max(e), min(e)}, reverse=True))
+        for (scene, nodes), e in won.items()
+    )
+    return f"`{name}` ({', '.join(f'{place} m' for place in places)})"
 
 
 def _about_lattices(rows: Sequence[Row]) -> str:
-    spatial = against_finest([*rows])
-    if not spatial:
+    errors = errors_against_finest(rows)
+    if not errors:
         return ""
-    n = max(spatial, key=lambda n: (n <= 9, n))
-    enough = 10 ** math.floor(math.log10(spatial[n] / 10.0))
+    n = max(errors, key=lambda n: (n <= 9, n))
+    enough = 10 ** math.floor(math.log10(errors[n] / 10.0))
     return (
-        f"A {n} x {n} lattice is itself off by {1e3 * spatial[n]:.2g} mm against the finest one here, so an "
-        f"accuracy "
+        f"A {n} x {n} lattice is itself off by {1e3 * errors[n]:.2g} mm against the finest one here, so an accuracy "
         f"below {enough:.0e} m in time pays only with a finer lattice, or to compare runs of the same lattice."
     )
 
 
-def _gains(problems: dict[tuple[str, int], dict[str, list[Row]]], ours: str) -> str:
+def _gains(rows: Sequence[Row], method: str) -> str:
     parts = []
-    for (scene, nodes), methods in problems.items():
-        row = cheapest(methods.get(ours, []), 2e-5)
+    for (scene, nodes), methods in curves(rows).items():
+        row = cheapest(methods.get(method, []), GAIN_ERROR)
         if row is None or scene not in ("arc", "paper"):
             continue
-        words = f"`{scene}` {nodes} x {nodes} {1.0 / row.cpu:.3g} times real time"
         ratios = [
-            f"{ratio:.1f} times as fast as the {label}".replace("the SciPy", "SciPy")
-            for name, label in RIVALS.items()
-            if (ratio := gain(methods.get(name, []), row, 2e-5)) is not None
+            f"{ratio:.1f} times as fast as {label}"
+            for name, label in COMPETITORS.items()
+            if (ratio := cost_ratio(methods.get(name, []), row, GAIN_ERROR)) is not None
         ]
-        parts.append(words + (f" ({', '.join(ratios)})" if ratios else ""))
-    return f"At an error of at most 2e-5 m it runs {'; '.join(parts)}. " if parts else ""
-
-
-def gain(rival: Iterable[Row], ours: Row, target: float) -> float | None:
-    """Return how many times our row's cost a rival's rows cost at an error [m], or None if they do not reach it."""
-    other = cheapest(rival, target)
-    return None if other is None else other.cpu / ours.cpu
+        text = f"`{scene}` {nodes} x {nodes} {1.0 / row.cpu:.3g} times real time"
+        parts.append(text + (f" ({', '.join(ratios)})" if ratios else ""))
+    return f"At an error of at most {GAIN_ERROR:.0e} m it runs {'; '.join(parts)}." if parts else ""

@@ -1,65 +1,65 @@
-"""CPU time of one thread, and what machine and versions it was measured with."""
+"""CPU time of one thread, and the machine and versions that it was measured with."""
 
 from __future__ import annotations
 
+import os
 import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
+import numpy
+import scipy
+
+from ldcs_ros import __version__
+from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.simulation.threads import one_thread
 
+Result = TypeVar("Result")
 
-def best_of(runs: int, work: Callable[[], Any], *, enough: float = 1.0) -> tuple[float, Any]:
-    """Return the least CPU time of up to `runs` calls [s] and the last result; long ones are not repeated.
+
+def best_of(runs: int, work: Callable[[], Result], *, enough: float = 1.0) -> tuple[float, Result]:
+    """Return the least CPU time of up to `runs` calls [s] and the last result.
 
     Args:
-        runs: How often to call at most.
-        work: What to call.
+        runs: Most calls; at least one is made.
+        work: Function to call.
         enough: CPU time [s] after which no further call is made.
     """
-    best, spent, result = float("inf"), 0.0, None
-    for _ in range(runs):
+    best, spent = float("inf"), 0.0
+    while True:
         began = time.thread_time()
         result = work()
         taken = time.thread_time() - began
-        best, spent = min(best, taken), spent + taken
-        if spent > enough:
-            break
-    return best, result
+        best, spent, runs = min(best, taken), spent + taken, runs - 1
+        if runs <= 0 or spent > enough:
+            return best, result
 
 
-def in_turns(*works: Callable[[], Any], rounds: int) -> list[float]:
-    """Return the least CPU time of each piece of work [s], calling them one after the other again and again.
+def in_turns(*works: Callable[[], object], rounds: int, calls: int = 1) -> list[float]:
+    """Return the least CPU time of a call of each piece of work [s], measured in turns.
 
-    A busy machine then slows all of them alike: their ratios stand.
+    A busy machine then slows all of them alike, so their ratios hold.
     """
     best = [float("inf")] * len(works)
     with one_thread():
         for _ in range(rounds):
             for index, work in enumerate(works):
                 began = time.thread_time()
-                work()
-                best[index] = min(best[index], time.thread_time() - began)
+                for _ in range(calls):
+                    work()
+                best[index] = min(best[index], (time.thread_time() - began) / calls)
     return best
 
 
 def machine() -> dict[str, str]:
     """Return processor, system and the versions that decide speed."""
-    import os
-
-    import numpy
-    import scipy
-
-    from ldcs_ros import __version__
-    from ldcs_ros.physics.compiled import HAVE_NUMBA
-
-    numba = "absent"
+    compiler = "absent"
     if HAVE_NUMBA:
-        import numba as compiler
+        import numba
 
-        numba = compiler.__version__
+        compiler = numba.__version__
     return {
         "processor": _processor(),
         "cores": str(os.cpu_count()),
@@ -67,7 +67,7 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         "numpy": numpy.__version__,
         "scipy": scipy.__version__,
-        "numba": numba,
+        "numba": compiler,
         "ldcs_ros": __version__,
     }
 

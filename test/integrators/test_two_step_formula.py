@@ -10,7 +10,7 @@ from ldcs_ros.integrators.implicit.block_tridiagonal import BlockTridiagonal
 from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.scene import load_scene
-from ldcs_ros.study.drive_profiles import problem
+from ldcs_ros.study.drive_profiles import drive_problem
 
 pytestmark = pytest.mark.skipif(not HAVE_NUMBA, reason="the formula has a compiled form only")
 
@@ -19,7 +19,7 @@ RATE, COMMANDS = 50.0, 8
 
 
 def driven(name, **solver):
-    content, course = problem(name)
+    content, course = drive_problem(name)
     return load_scene({**content, "solver": solver}).build(), course
 
 

@@ -6,14 +6,14 @@ import csv
 import importlib.util
 import json
 import os
+from functools import partial
 
 import pytest
 from PIL import Image
 
 from ldcs_ros.cli.main import main
 from ldcs_ros.study import diagram, execute, plan, report
-from ldcs_ros.study.table import StudyError
-from ldcs_ros.study.tasks import Row, Task
+from ldcs_ros.study.rows import Row, StudyError, Task
 
 TASKS = [
     Task("curve", "single_spring", 2, name, "accuracy", value, 1)
@@ -31,7 +31,7 @@ def small(monkeypatch):
 def undrawn(monkeypatch):
     """Leave the picture and the table of methods out: one test looks at them."""
     monkeypatch.setattr(diagram, "draw", lambda rows, path: path)
-    monkeypatch.setattr(report, "_methods", lambda: "")
+    monkeypatch.setattr(report, "methods", lambda rows: [])
 
 
 def study(capsys, folder, *words):
@@ -128,7 +128,7 @@ def test_processes_give_the_same_rows(undrawn, capsys, tmp_path):
 
 def test_a_process_that_is_killed_is_told_with_the_way_on():
     with pytest.raises(StudyError, match="run the same command again"), execute.processes(1) as submit:
-        list(submit(os._exit, [(1,)]))
+        list(submit([partial(os._exit, 1)]))
 
 
 def test_targets_are_printed_and_a_missed_one_is_a_failed_check(undrawn, capsys, tmp_path, monkeypatch):
@@ -138,7 +138,7 @@ def test_targets_are_printed_and_a_missed_one_is_a_failed_check(undrawn, capsys,
     asked = Task("curve", "arc", 9, "esdirk43", "accuracy", 1e-5)
     monkeypatch.setitem(plan.PRESETS, "targets", lambda: [asked])
     monkeypatch.setattr(execute, "reference", lambda *problem: None)
-    for row, status, verdict in ((fast, 0, "kept  "), (slow, 1, "MISSED")):
+    for row, status, verdict in ((fast, 0, "met   "), (slow, 1, "MISSED")):
         monkeypatch.setattr(execute, "perform", lambda task, known, row=row: [row])
         assert main(["study", "--targets", "--again", "-o", str(tmp_path)]) == status
         printed = capsys.readouterr().out
@@ -151,6 +151,6 @@ def test_a_report_names_every_command_that_made_it(undrawn, capsys, tmp_path):
     study(capsys, tmp_path, "--jobs", "2")
     study(capsys, tmp_path, "--jobs", "2")
     assert (
-        "Made by `ldcs study --quick` and then `ldcs study --quick --jobs 2`, with"
+        "Made by `ldcs study --quick` and then `ldcs study --quick --jobs 2`, in one"
         in (tmp_path / "study.md").read_text()
     )
