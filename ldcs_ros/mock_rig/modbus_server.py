@@ -35,7 +35,7 @@ class ModbusServer:
     def __init__(self, rig: MockRig, port: int = 0) -> None:
         self._rig = rig
         self.port = port
-        self.beats = 0
+        self.heartbeats = 0
         self._loop = asyncio.new_event_loop()
         self._server: Any = None
         self._stopping = False
@@ -141,7 +141,7 @@ class ModbusServer:
         from pymodbus.constants import ExcCodes
 
         if address == HEARTBEAT:
-            self.beats = values[0]
+            self.heartbeats = values[0]
             return None
         signed = [value - 0x10000 if value > _BROKEN_SENSOR else value for value in values]
         if address != 0 or len(signed) != 2:
@@ -150,7 +150,7 @@ class ModbusServer:
         return ExcCodes.ILLEGAL_VALUE if refused else None
 
     def _holding(self) -> list[int]:
-        return [*(round(_MBAR.from_pascal(value)) for value in self._rig.setpoint), self.beats]
+        return [*(round(_MBAR.from_pascal(value)) for value in self._rig.setpoint), self.heartbeats]
 
     def _input(self) -> list[int]:
         status = self._rig.latest()

@@ -1,26 +1,27 @@
-"""Bridge: links, intake, gate and the twin beside the rig, in one pass that a thread repeats."""
+"""Bridge: links, validator, gate and the twin beside the rig, in one pass that a thread repeats."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.errors import BridgeError, DivergenceError
 from ldcs_ros.rig.follower import Follower
 from ldcs_ros.rig.gate import Gate, GateState, Mode
-from ldcs_ros.rig.intake import Intake, Sample
 from ldcs_ros.rig.link import Link
-from ldcs_ros.rig.mirror import Mirror
 from ldcs_ros.rig.output.monitor import EMPTY
+from ldcs_ros.rig.reading import RawReading
+from ldcs_ros.rig.reading_validator import Reading, ReadingValidator
 from ldcs_ros.rig.rig_bag import RigBag
 from ldcs_ros.rig.rig_file import RigFile
 from ldcs_ros.rig.rig_report import RigReport
+from ldcs_ros.rig.state_estimator import StateEstimator
 from ldcs_ros.rig.topics import bridge_topics
-from ldcs_ros.rig.valve_watch import ValveWatch
+from ldcs_ros.rig.valve_monitor import ValveMonitor
+from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.settings import RunSettings
-from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.twin import Sink, Twin
 
 _TOLERANCE = 0.08  # fraction of the largest pressure by which a sound valve may be off
 
@@ -44,25 +45,25 @@ class Bridge:
     Attributes:
         twin: The twin; its time counts from the bridge's start.
         gate: The gate for commands.
-        intake: Checks and counts of what the rig reports.
+        validator: Checks and counts of the readings.
         links: The links.
-        watch: Compares measured pressures with what the set-points call for.
+        valve_monitor: Comparison of measured with expected pressures.
         follower: The twin's runner.
-        mirror: The estimator, in mode mirror.
-        bag: Where the rig's side is recorded, if it is.
-        failure: Why the twin stopped; '' while it runs. Links and gate work on without it.
-        unvented: Which arms may hold pressure after the end, in words; '' for none.
+        estimator: The estimator, in mode mirror.
+        bag: Bag of the rig's side; None for none.
+        failure: Reason why the twin stopped; '' while it runs. Links and gate work on without it.
+        unvented: Arms that may hold pressure after the end, in words; '' for none.
     """
 
     def __init__(
         self,
-        scene: Any,
+        scene: Scene,
         rig: RigFile,
         *,
         mode: Mode,
         clock: Callable[[], float],
         settings: RunSettings | None = None,
-        sinks: Iterable[Any] = (),
+        sinks: Iterable[Sink] = (),
         links: list[Link] | None = None,
     ) -> None:
         self.rig, self.mode = rig, mode
@@ -71,23 +72,23 @@ class Bridge:
         self.follower = Follower(self.twin)
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
         self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)
-        self.mirror = Mirror(self.twin) if mode is Mode.MIRROR else None
+        self.estimator = StateEstimator(self.twin) if mode is Mode.MIRROR else None
         commands = mode is Mode.LIVE
         self.links: list[Link] = rig.connect(clock, commands=commands) if links is None else links
         self.start_time = clock()
         self.gate = Gate(mode, rig.limits, clock, len(arms))
-        self.intake = Intake(4.0 * rig.limits.pressure, self.start_time)
+        self.validator = ReadingValidator(4.0 * rig.limits.pressure, self.start_time)
         for link in self.links:
             if link.clock_estimate is not None:
-                self.intake.clocks[link.name] = link.clock_estimate
+                self.validator.clocks[link.name] = link.clock_estimate
         patience = rig.limits.command_timeout
-        self.watch = ValveWatch(tolerance=_TOLERANCE * rig.limits.pressure, patience=patience)
+        self.valve_monitor = ValveMonitor(tolerance=_TOLERANCE * rig.limits.pressure, patience=patience)
         self._report = RigReport(self.twin)
         self.bag: RigBag | None = None
         self.failure = ""
         self.unvented = ""
         self.measured: dict[str, float] = {}
-        self._samples: list[Sample] = []
+        self._valid_readings: list[Reading] = []
         self._setpoints: dict[str, float] = {}
 
     def start(self) -> None:
@@ -97,16 +98,16 @@ class Bridge:
         for link in self.links:
             link.wait_until_ready()
         self.start_time = self._clock()
-        self.intake.restart(self.start_time)
+        self.validator.restart(self.start_time)
 
     def stop(self) -> None:
         """Vent in mode live, wait until the rig has confirmed zero, and disconnect; `unvented` says what is left."""
         self.gate.disarm("the bridge ends")
-        if self.mirror is not None:
-            self.mirror.close()
+        if self.estimator is not None:
+            self.estimator.close()
         self.unvented = "; ".join(filter(None, [link.stop() for link in self.links]))
         if self.bag is not None:
-            self._record_frames()
+            self._record_packets()
             self.bag.close()
 
     def protect(self) -> None:
@@ -114,17 +115,19 @@ class Bridge:
         now = self._clock()
         for link in self.links:
             link.check()
-        self._samples += [sample for sample in map(self.intake.take, self._readings()) if sample is not None]
-        for sample in self._samples:
-            self._note(sample)
+        self._valid_readings += [
+            reading for reading in map(self.validator.validate, self._readings()) if reading is not None
+        ]
+        for reading in self._valid_readings:
+            self._note(reading)
         self._guard(now)
-        self._offer()
+        self._set_setpoints()
 
     def follow(self) -> None:
         """Bring the twin to the present, report and record."""
-        samples, self._samples = self._samples, []
-        self._follow(self._clock(), samples)
-        self._record_frames()
+        readings, self._valid_readings = self._valid_readings, []
+        self._follow(self._clock(), readings)
+        self._record_packets()
 
     def step(self) -> None:
         """Do one pass: protect, then follow."""
@@ -160,7 +163,7 @@ class Bridge:
         ]
         if not full and self.holding():
             found.append(f"{self.holding()}; call disarm, which vents it")
-        found += [f"{arm} {fault}" for arm, fault in self.watch.faults.items()]
+        found += [f"{arm} {fault}" for arm, fault in self.valve_monitor.faults.items()]
         return found
 
     def holding(self) -> str:
@@ -195,14 +198,14 @@ class Bridge:
         """Return a steady time on the twin's time axis [s]."""
         return moment - self.start_time
 
-    def _readings(self) -> list[Any]:
+    def _readings(self) -> list[RawReading]:
         return [reading for link in self.links for reading in link.take_readings()]
 
-    def _note(self, sample: Sample) -> None:
-        if sample.kind == "pressure":
-            self.measured[sample.name] = float(sample.value)
-        elif sample.kind == "pressure_command":
-            self._setpoints[sample.name] = float(sample.value)
+    def _note(self, reading: Reading) -> None:
+        if reading.kind == "pressure":
+            self.measured[reading.name] = float(reading.value)
+        elif reading.kind == "pressure_command":
+            self._setpoints[reading.name] = float(reading.value)
 
     def _guard(self, now: float) -> None:
         """Vent when something is wrong that commands cannot mend."""
@@ -218,7 +221,7 @@ class Bridge:
             # The stage vents set-points of an earlier arming too: only the present epoch is a fault.
             if link.vented_because and link.status.epoch >= self.gate.epoch:
                 self.gate.trip(link.vented_because)
-        for arm, fault in self.watch.faults.items():
+        for arm, fault in self.valve_monitor.faults.items():
             self.gate.trip(f"{arm} {fault}")
         lag = self._lag(now)
         if lag:
@@ -235,9 +238,9 @@ class Bridge:
         return f"the twin is {lag:.1f} s late: the machine is too slow to judge the valves"
 
     def _staleness(self, now: float) -> str:
-        return self.intake.staleness(now, "pressure", self.rig.limits.rig_timeout)
+        return self.validator.staleness(now, "pressure", self.rig.limits.rig_timeout)
 
-    def _offer(self) -> None:
+    def _set_setpoints(self) -> None:
         setpoint = self.gate.tick()
         if setpoint is None:
             return
@@ -247,31 +250,31 @@ class Bridge:
             else:
                 link.vent(self.gate.reason, self.gate.epoch)
 
-    def _follow(self, now: float, samples: list[Sample]) -> None:
+    def _follow(self, now: float, readings: list[Reading]) -> None:
         if self.failure:
             return
         try:
-            self.follower.command(self._called_for())
+            self.follower.command(self._expected_pressure())
             self.follower.advance(self.time_of(now))
         except DivergenceError as error:
             self.failure = str(error)
             return
-        for sample in samples:
-            time = self.time_of(sample.time)
-            self._report.sample(sample, time)
+        for reading in readings:
+            time = self.time_of(reading.time)
+            self._report.reading(reading, time)
             if self.bag is not None:
-                self.bag.sample(sample, time, self.time_of(sample.received))
-            if sample.kind == "position":
-                residual = self.follower.residual(sample.name, time, sample.value)
+                self.bag.reading(reading, time, self.time_of(reading.received))
+            if reading.kind == "position":
+                residual = self.follower.residual(reading.name, time, reading.value)
                 if residual is not None:
-                    self._report.residual(sample.name, time, residual)
-            elif sample.kind == "pressure":
-                self._watch_valve(sample.name, now)
-        if self.mirror is not None:
-            self.mirror.take([(sample, self.time_of(sample.time)) for sample in samples])
-            self.mirror.report(self.time_of(now))
+                    self._report.residual(reading.name, time, residual)
+            elif reading.kind == "pressure":
+                self._monitor_valve(reading.name, now)
+        if self.estimator is not None:
+            self.estimator.take([(reading, self.time_of(reading.time)) for reading in readings])
+            self.estimator.report(self.time_of(now))
 
-    def _called_for(self) -> np.ndarray:
+    def _expected_pressure(self) -> np.ndarray:
         """Return what the twin is to follow [Pa]: the rig's set-points, else ours, else what was measured."""
         arms = self.twin.simulation.arm_names
         if self._setpoints:
@@ -282,17 +285,17 @@ class Bridge:
             source = self.measured
         return np.array([source.get(arm, 0.0) for arm in arms])
 
-    def _watch_valve(self, arm: str, now: float) -> None:
+    def _monitor_valve(self, arm: str, now: float) -> None:
         # Without set-points of the rig the twin follows the measurement itself: nothing to compare.
         if self._setpoints or self.mode is Mode.LIVE:
             called = float(self.follower.pressure[self.twin.simulation.arm_names.index(arm)])
-            self.watch.take(arm, now, self.measured[arm], called)
+            self.valve_monitor.take(arm, now, self.measured[arm], called)
 
-    def _record_frames(self) -> None:
-        frames = [frame for link in self.links for frame in link.take_frames()]
+    def _record_packets(self) -> None:
+        packets = [packet for link in self.links for packet in link.take_packets()]
         if self.bag is not None:
-            for frame in frames:
-                self.bag.frame(frame, self.time_of(frame.time))
+            for packet in packets:
+                self.bag.packet(packet, self.time_of(packet.time))
 
 
 def mode_of(word: str) -> Mode:

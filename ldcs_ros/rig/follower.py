@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 
@@ -86,7 +85,7 @@ class Follower:
         return residual
 
     def _remember(self) -> None:
-        simulation: Any = self.twin.simulation
+        simulation = self.twin.simulation
         position = simulation.state.position
         places = {name: point.position(position) for name, point in simulation.points.items()}
         self._places.append((self.twin.time, places))
@@ -99,8 +98,8 @@ class Follower:
             if then <= time:
                 if after is None:
                     return np.array(places[point])
-                share = (time - then) / (after[0] - then)
-                return np.array((1.0 - share) * places[point] + share * after[1][point])
+                fraction = (time - then) / (after[0] - then)
+                return np.array((1.0 - fraction) * places[point] + fraction * after[1][point])
             after = (then, places)
         return None
 

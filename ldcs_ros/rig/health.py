@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.rig.bridge import Bridge
@@ -30,8 +29,8 @@ class Health:
         bridge = self._bridge
         statuses = [self._gate(), self._links(), self._readings(), self._clock(), self._valves()]
         statuses.append(self._residuals())
-        if bridge.mirror is not None:
-            statuses.append(bridge.mirror.status())
+        if bridge.estimator is not None:
+            statuses.append(bridge.estimator.status())
         if bridge.failure:
             statuses.append(Status("twin", ERROR, bridge.failure))
         return statuses
@@ -49,7 +48,7 @@ class Health:
             level, words = ERROR, f"vented: {gate.reason}; call arm after the repair"
             if self._bridge.alarm():
                 words = f"{self._bridge.alarm()}; {words}"
-        values: dict[str, Any] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
+        values: dict[str, object] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
         setpoints = gate.setpoint
         for arm, value in zip(self._bridge.twin.simulation.arm_names, setpoints, strict=True):
             values[f"set-point {arm} [Pa]"] = value
@@ -65,7 +64,7 @@ class Health:
         broken = [f"{link.name}: {link.error}" for link in links if not link.connected]
         drops = sum(link.drops for link in links)
         lost, self._lost = drops - self._lost, drops
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         for link in links:
             values[f"{link.name} connected"] = link.connected
             values[f"{link.name} drops"] = link.drops
@@ -80,19 +79,19 @@ class Health:
         return Status("links", OK, "connected", values)
 
     def _readings(self) -> Status:
-        bridge, intake = self._bridge, self._bridge.intake
+        bridge, validator = self._bridge, self._bridge.validator
         now = bridge.now()
-        silence = intake.silence(now, "pressure")
-        new = {reason: count - self._dropped.get(reason, 0) for reason, count in intake.dropped.items()}
+        silence = validator.silence(now, "pressure")
+        new = {reason: count - self._dropped.get(reason, 0) for reason, count in validator.dropped.items()}
         new = {reason: count for reason, count in new.items() if count}
-        self._dropped = dict(intake.dropped)
-        values: dict[str, Any] = {"accepted": intake.accepted, "age of pressures [s]": silence}
-        values |= {f"dropped, {reason}": count for reason, count in sorted(intake.dropped.items())}
+        self._dropped = dict(validator.dropped)
+        values: dict[str, object] = {"accepted": validator.accepted, "age of pressures [s]": silence}
+        values |= {f"dropped, {reason}": count for reason, count in sorted(validator.dropped.items())}
         for arm, pressure in bridge.measured.items():
             values[f"measured {arm} [Pa]"] = pressure
         dropped = ", ".join(f"{count} {reason}" for reason, count in new.items())
-        detail = f"dropped {dropped} (last: {intake.last_drop})" if dropped else ""
-        words = intake.staleness(now, "pressure", bridge.rig.limits.rig_timeout)
+        detail = f"dropped {dropped} (last: {validator.last_drop})" if dropped else ""
+        words = validator.staleness(now, "pressure", bridge.rig.limits.rig_timeout)
         if words:
             return Status("readings", ERROR, f"{words}; {detail}" if detail else words, values)
         if detail:
@@ -100,9 +99,9 @@ class Health:
         return Status("readings", OK, "sound", values)
 
     def _clock(self) -> Status:
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         jumped, late = [], []
-        for source, clock in self._bridge.intake.clocks.items():
+        for source, clock in self._bridge.validator.clocks.items():
             if clock.offset is None:
                 continue
             worst = clock.take_worst_latency()
@@ -120,10 +119,10 @@ class Health:
         return Status("clocks", OK, "steady" if values else "the rig sends no stamps", values)
 
     def _valves(self) -> Status:
-        watch = self._bridge.watch
-        values = {f"deviation {arm} [Pa]": value for arm, value in watch.deviation.items()}
-        if watch.faults:
-            words = "; ".join(f"{arm} {fault}" for arm, fault in watch.faults.items())
+        valves = self._bridge.valve_monitor
+        values = {f"deviation {arm} [Pa]": value for arm, value in valves.deviation.items()}
+        if valves.faults:
+            words = "; ".join(f"{arm} {fault}" for arm, fault in valves.faults.items())
             return Status("valves", ERROR, words, values)
         return Status("valves", OK, "pressures follow their set-points" if values else "not compared", values)
 

@@ -1,4 +1,4 @@
-"""`Link`: one way to a rig, as the bridge sees it: readings, raw frames, set-points, status."""
+"""`Link`: one way to a rig, as the bridge sees it: readings, raw packets, set-points, status."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ldcs_ros.rig.clocks import ClockEstimate
 from ldcs_ros.rig.limits import Pressures
 from ldcs_ros.rig.output.limiter import OutputState
 from ldcs_ros.rig.output.stage import OutputStatus
-from ldcs_ros.rig.reading import Reading
+from ldcs_ros.rig.reading import RawReading
 
 _MOST_WAITING = 10_000
 
 
 @dataclass(frozen=True)
-class RawFrame:
+class RawPacket:
     """Bytes as they went over a link.
 
     Attributes:
@@ -46,7 +46,7 @@ class Link:
         connected: Whether the last exchange worked.
         error: Cause in words; '' while connected.
         drops: Number of lost connections.
-        malformed: Number of frames that made no sense.
+        malformed: Number of packets that made no sense.
         heartbeats: Number of writes.
         replaced: Number of output processes that were lost and replaced.
         status: Latest status of the output stage.
@@ -61,8 +61,8 @@ class Link:
         self.drops = self.malformed = self.heartbeats = self.replaced = 0
         self.status = OutputStatus()
         self.clock_estimate: ClockEstimate | None = None
-        self._readings: deque[Reading] = deque(maxlen=_MOST_WAITING)
-        self._frames: deque[RawFrame] = deque(maxlen=_MOST_WAITING)
+        self._readings: deque[RawReading] = deque(maxlen=_MOST_WAITING)
+        self._packets: deque[RawPacket] = deque(maxlen=_MOST_WAITING)
 
     @property
     def vented_because(self) -> str:
@@ -89,10 +89,10 @@ class Link:
         """End; return which arms may hold pressure, in words; '' for none."""
         return ""
 
-    def take_readings(self) -> list[Reading]:
+    def take_readings(self) -> list[RawReading]:
         """Return what has come since the last call, oldest first."""
         return [self._readings.popleft() for _ in range(len(self._readings))]
 
-    def take_frames(self) -> list[RawFrame]:
-        """Return the raw frames since the last call, oldest first."""
-        return [self._frames.popleft() for _ in range(len(self._frames))]
+    def take_packets(self) -> list[RawPacket]:
+        """Return the raw packets since the last call, oldest first."""
+        return [self._packets.popleft() for _ in range(len(self._packets))]

@@ -17,10 +17,13 @@ import numpy as np
 
 from ldcs_ros.rig.clocks import ClockEstimate
 from ldcs_ros.rig.limits import Limits, Pressures
-from ldcs_ros.rig.link import Link, RawFrame
+from ldcs_ros.rig.link import Link, RawPacket
+from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.process import UNCONFIRMED, Channel
+from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output.stage import Exchange, OutputStatus
-from ldcs_ros.rig.reading import ARM_NAMES, Reading
+from ldcs_ros.rig.reading import ARM_NAMES, RawReading
+from ldcs_ros.rig.topic_link import TopicSettings
 
 WIRE_PROGRAM = "ldcs_ros.rig.output"
 _LOOK = 0.05
@@ -95,7 +98,7 @@ class OutputLink(Link):
         self,
         name: str,
         kind: str,
-        settings: Any,
+        settings: ModbusMap | SerialSettings | TopicSettings,
         limits: Limits,
         clock: Callable[[], float],
         *,
@@ -268,10 +271,10 @@ class OutputLink(Link):
         # A rig on topics is heard by the bridge itself, with stamps; copies without them would hide old readings.
         for raw in exchange.readings if self._program == WIRE_PROGRAM else ():
             self._readings.append(
-                Reading(raw.kind, raw.arm, np.array(raw.value), raw.heard, self.name, raw.stamp)
+                RawReading(raw.kind, raw.arm, np.array(raw.value), raw.heard, self.name, raw.stamp)
             )
         for packet in exchange.packets:
-            self._frames.append(RawFrame(self.name, packet.sent, packet.data, packet.time))
+            self._packets.append(RawPacket(self.name, packet.sent, packet.data, packet.time))
 
     def take_status(self, status: OutputStatus) -> None:
         """Take the status of the output stage."""

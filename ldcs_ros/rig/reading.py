@@ -1,4 +1,4 @@
-"""`Reading`: one number or place that a rig reported, in SI, with the rig's stamp and the time it came."""
+"""`RawReading`: one number or place that a rig reported, in SI, with the rig's stamp and the time it came."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ARM_NAMES = ("left", "right")
 
 
 @dataclass(frozen=True)
-class Reading:
+class RawReading:
     """One value from a rig.
 
     Attributes:

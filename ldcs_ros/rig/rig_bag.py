@@ -1,4 +1,4 @@
-"""The rig's own bag: its readings under the twin's topic names, its set-points, and every raw frame."""
+"""The rig's own bag: its readings under the twin's topic names, its set-points, and every raw packet."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from ldcs_ros import bags as recording
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import encode, message_class, nanoseconds
-from ldcs_ros.rig.intake import Sample
-from ldcs_ros.rig.link import RawFrame
-from ldcs_ros.rig.rig_report import sample_message
+from ldcs_ros.rig.link import RawPacket
+from ldcs_ros.rig.reading_validator import Reading
+from ldcs_ros.rig.rig_report import reading_message
 
 _BYTES = "std_msgs/msg/UInt8MultiArray"
 _COMMAND = "std_msgs/msg/Float64MultiArray"
@@ -20,7 +20,7 @@ _COMMAND = "std_msgs/msg/Float64MultiArray"
 class RigBag:
     """Records what came from a rig, so that replay, comparison and identification take it as they take the twin's.
 
-    Readings and set-points stand under the names that the twin uses; raw frames under `raw/<link>/received`
+    Readings and set-points stand under the names that the twin uses; raw packets under `raw/<link>/received`
     and `raw/<link>/sent`, messages of other ROS topics under their own names. Times are the twin's.
 
     Args:
@@ -57,39 +57,39 @@ class RigBag:
         """Messages recorded."""
         return self._writer.count
 
-    def sample(self, sample: Sample, time: float, received: float) -> None:
-        """Record a sound sample measured at a time and received at another [s of the twin]."""
-        if sample.kind == "pressure_command":
-            self._setpoint(sample, received)
+    def reading(self, reading: Reading, time: float, received: float) -> None:
+        """Record a sound reading measured at a time and received at another [s of the twin]."""
+        if reading.kind == "pressure_command":
+            self._setpoint(reading, received)
             return
-        made = sample_message(sample, time, self._arms)
+        made = reading_message(reading, time, self._arms)
         if made is not None:
             kind = (
                 "geometry_msgs/msg/PoseStamped"
-                if sample.kind == "position"
+                if reading.kind == "position"
                 else "sensor_msgs/msg/FluidPressure"
             )
             self._write(f"{self._namespace}/{made[0]}", kind, made[1], received)
 
-    def frame(self, frame: RawFrame, time: float) -> None:
-        """Record a raw frame that went over a link at a time [s of the twin]."""
-        if frame.type:
-            self._write(frame.link, frame.type, frame.data, time)
+    def packet(self, packet: RawPacket, time: float) -> None:
+        """Record a raw packet that went over a link at a time [s of the twin]."""
+        if packet.type:
+            self._write(packet.link, packet.type, packet.data, time)
             return
         layout = message_class("std_msgs/msg/MultiArrayLayout")(dim=[], data_offset=0)
-        data = np.frombuffer(frame.data, dtype=np.uint8)
-        topic = f"{self._namespace}/raw/{frame.link}/{'sent' if frame.sent else 'received'}"
+        data = np.frombuffer(packet.data, dtype=np.uint8)
+        topic = f"{self._namespace}/raw/{packet.link}/{'sent' if packet.sent else 'received'}"
         self._write(topic, _BYTES, encode(message_class(_BYTES)(layout=layout, data=data)), time)
 
     def close(self) -> None:
         """End the bag."""
         self._writer.close()
 
-    def _setpoint(self, sample: Sample, received: float) -> None:
+    def _setpoint(self, reading: Reading, received: float) -> None:
         # A command is an event: repeated set-points would only make a replay slow.
-        self._setpoints[sample.name] = float(sample.value)
+        self._setpoints[reading.name] = float(reading.value)
         command = tuple(self._setpoints.get(arm, 0.0) for arm in self._arms)
-        if sample.name == self._arms[-1] and command != self._last_command:
+        if reading.name == self._arms[-1] and command != self._last_command:
             self._last_command = command
             cdr = messages.pressure_command(np.array(command))
             self._write(f"{self._namespace}/pressure_command", _COMMAND, cdr, received)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.limits import Limits
@@ -13,6 +12,8 @@ from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.topic_link import TopicSettings
 from ldcs_ros.rig.units import PressureUnit
 
+LinkSettings = ModbusMap | SerialSettings | TopicSettings
+"""Settings of one link."""
 HIGHEST_ADDRESS = 0xFFFF
 HIGHEST_DEVICE = 247
 """Largest device identifier of the Modbus specification; 255 names a device without one (TCP)."""
@@ -31,7 +32,7 @@ VALVE_TIME = 0.1
 """Shortest time in which a chamber empties after the ramp [s]."""
 
 
-def check_rig(links: Sequence[Any], limits: Limits) -> None:
+def check_rig(links: Sequence[LinkSettings], limits: Limits) -> None:
     """Check settings of the links against each other and against the limits.
 
     Args:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import importlib.resources
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.limits import Limits
@@ -17,7 +17,7 @@ from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output_link import OutputLink
 from ldcs_ros.rig.reading import ARM_NAMES, KINDS
-from ldcs_ros.rig.rig_check import check_rig
+from ldcs_ros.rig.rig_check import LinkSettings, check_rig
 from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.schema.checks import Checks
@@ -25,6 +25,8 @@ from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
 TOPIC_PROGRAM = "ldcs_ros.ros.rig.topic_output"  # started by name: this room imports no rclpy
 LINK_TYPES = ("modbus", "serial", "topics")
+_T = TypeVar("_T")
+_Wire = TypeVar("_Wire", ModbusMap, SerialSettings)
 _CHECKS = Checks(BridgeError)
 _UNIT_KEYS = ("unit", "reference", "ambient")
 
@@ -42,7 +44,7 @@ class RigFile:
 
     title: str
     limits: Limits
-    links: tuple[Any, ...]
+    links: tuple[LinkSettings, ...]
     text: str
 
     def connect(self, clock: Callable[[], float], *, commands: bool) -> list[Link]:
@@ -89,7 +91,7 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
         raise BridgeError(f"{error} in {path.name}") from error
 
 
-def _rig(content: Any, text: str) -> RigFile:
+def _rig(content: object, text: str) -> RigFile:
     block = _CHECKS.keys(content, ("title", "limits", "links"), "the rig", required=("links",))
     limits = _build(Limits, _CHECKS.keys(block.get("limits", {}), _names(Limits), "limits"), "limits")
     links = tuple(
@@ -104,7 +106,7 @@ def _rig(content: Any, text: str) -> RigFile:
     return RigFile(str(block.get("title", "rig")), limits, links, text)
 
 
-def _settings(content: Any, path: str) -> Any:
+def _settings(content: object, path: str) -> LinkSettings:
     kind = content.get("type") if isinstance(content, dict) else None
     if kind == "modbus":
         return _plain(ModbusMap, content, path)
@@ -123,7 +125,7 @@ def _settings(content: Any, path: str) -> Any:
     raise BridgeError(f"got the type {kind!r}, expected one of {list(LINK_TYPES)} @ {path}.type")
 
 
-def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
+def _plain(cls: type[_Wire], content: object, path: str) -> _Wire:
     required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
     keys = ("type", *_names(cls), *_UNIT_KEYS)
     block = dict(_CHECKS.keys(content, keys, path, required=required))
@@ -143,7 +145,7 @@ def _plain(cls: Any, content: dict[str, Any], path: str) -> Any:
     return _build(cls, {**block, "unit": unit}, path)
 
 
-def _incoming(content: Any, path: str) -> Incoming:
+def _incoming(content: object, path: str) -> Incoming:
     keys = (*_names(Incoming), *_UNIT_KEYS)
     required = ("topic", "type", "gives", "names")
     block = dict(_CHECKS.keys(content, tuple(dict.fromkeys(keys)), path, required=required))
@@ -166,31 +168,27 @@ def _incoming(content: Any, path: str) -> Incoming:
             numbers[key] = _CHECKS.numbers(block[key], length, f"{path}.{key}", low=-100.0, high=100.0)
     unit = _unit(block, path, "Pa")
     fixed = {"topic": str(block["topic"]), "type": str(block["type"]), "gives": gives}
-    incoming: Incoming = _build(
-        Incoming, {**fixed, "names": mapped, "unit": unit, "field": field, **numbers}, path
-    )
-    return incoming
+    return _build(Incoming, {**fixed, "names": mapped, "unit": unit, "field": field, **numbers}, path)
 
 
-def _unit(block: Mapping[str, Any], path: str, default: str) -> PressureUnit:
+def _unit(block: dict[str, Any], path: str, default: str) -> PressureUnit:
     ambient = _CHECKS.number(block.get("ambient", 101325.0), f"{path}.ambient", low=0.0, high=2e5)
     values = {"name": block.get("unit", default), "reference": block.get("reference", "gauge")}
-    made: PressureUnit = _build(PressureUnit, {**values, "ambient": ambient}, f"{path}.unit")
-    return made
+    return _build(PressureUnit, {**values, "ambient": ambient}, f"{path}.unit")
 
 
-def _build(cls: Any, values: Mapping[str, Any], path: str) -> Any:
+def _build(cls: type[_T], values: dict[str, Any], path: str) -> _T:
     try:
         return cls(**values)
     except BridgeError as error:
         raise BridgeError(str(error) if " @ " in str(error) else f"{error} @ {path}") from error
 
 
-def _names(cls: Any) -> tuple[str, ...]:
+def _names(cls: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls))
 
 
-def _links(settings: Any, limits: Limits, clock: Callable[[], float], commands: bool) -> list[Link]:
+def _links(settings: LinkSettings, limits: Limits, clock: Callable[[], float], commands: bool) -> list[Link]:
     if isinstance(settings, ModbusMap):
         has_clock = settings.clock >= 0
         return [

@@ -7,7 +7,7 @@ import numpy as np
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.topics import BASE_FRAME
-from ldcs_ros.rig.intake import Sample
+from ldcs_ros.rig.reading_validator import Reading
 from ldcs_ros.rig.units import AMBIENT
 from ldcs_ros.twin.twin import Twin
 
@@ -24,9 +24,9 @@ class RigReport:
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
 
-    def sample(self, sample: Sample, time: float) -> None:
-        """Report a sound sample that was measured at a time of the twin [s]."""
-        made = sample_message(sample, time, self._twin.simulation.arm_names)
+    def reading(self, reading: Reading, time: float) -> None:
+        """Report a sound reading that was measured at a time of the twin [s]."""
+        made = reading_message(reading, time, self._twin.simulation.arm_names)
         if made is not None:
             self._emit(f"rig/{made[0]}", made[1])
 
@@ -43,14 +43,14 @@ class RigReport:
             self._twin.emit(topic, cdr, nanoseconds(self._twin.time))
 
 
-def sample_message(sample: Sample, time: float, arms: tuple[str, ...]) -> tuple[str, bytes] | None:
-    """Return the twin's topic for a sample and its message; None for a set-point, which goes in pairs."""
-    if sample.kind == "position":
-        return f"{sample.name}/pose", messages.pose(nanoseconds(max(time, 0.0)), sample.value, _UPRIGHT)
-    if sample.kind == "pressure" and sample.name in arms:
+def reading_message(reading: Reading, time: float, arms: tuple[str, ...]) -> tuple[str, bytes] | None:
+    """Return the twin's topic for a reading and its message; None for a set-point, which goes in pairs."""
+    if reading.kind == "position":
+        return f"{reading.name}/pose", messages.pose(nanoseconds(max(time, 0.0)), reading.value, _UPRIGHT)
+    if reading.kind == "pressure" and reading.name in arms:
         stamp = nanoseconds(max(time, 0.0))
-        cdr = messages.fluid_pressure(stamp, BASE_FRAME, float(sample.value) + AMBIENT, 0.0)
-        return f"{sample.name}/pressure", cdr
+        cdr = messages.fluid_pressure(stamp, BASE_FRAME, float(reading.value) + AMBIENT, 0.0)
+        return f"{reading.name}/pressure", cdr
     return None
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.loads import rotate
-from ldcs_ros.rig.link import Link, RawFrame
-from ldcs_ros.rig.reading import Reading
+from ldcs_ros.messages.message_types import VectorMessage
+from ldcs_ros.rig.link import Link, RawPacket
+from ldcs_ros.rig.reading import RawReading
 from ldcs_ros.rig.units import PressureUnit
 
 POSITION_TYPES = ("geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/PoseStamped")
@@ -98,7 +99,7 @@ class TopicLink(Link):
         """Take a message's bytes, heard at a steady time [s] or now; what makes no sense is counted."""
         rule = self.incoming[topic]
         heard = self.clock() if heard is None else heard
-        self._frames.append(RawFrame(topic, False, cdr, heard, rule.type))
+        self._packets.append(RawPacket(topic, False, cdr, heard, rule.type))
         try:
             message = decode(rule.type, cdr)
             found = values_of(rule, message)
@@ -108,10 +109,13 @@ class TopicLink(Link):
         header = getattr(message, "header", None)
         stamp = None if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
         for name, value in found:
-            self._readings.append(Reading(rule.gives, name, value, heard, topic, stamp or None, rule.age))
+            self._readings.append(RawReading(rule.gives, name, value, heard, topic, stamp or None, rule.age))
 
 
-def values_of(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
+def values_of(
+    rule: Incoming,
+    message: Any,  # of one of POSITION_TYPES or PRESSURE_TYPES, of the type store or of rclpy
+) -> list[tuple[str, np.ndarray]]:
     """Return names with gauge pressures [Pa], shape (), or positions in ldcs_base [m], shape (3,), of a message."""
     kind = rule.type.rsplit("/", 1)[1]
     if kind == "TransformStamped":
@@ -135,5 +139,5 @@ def values_of(rule: Incoming, message: Any) -> list[tuple[str, np.ndarray]]:
     ]
 
 
-def _placed(rule: Incoming, place: Any) -> np.ndarray:
+def _placed(rule: Incoming, place: VectorMessage) -> np.ndarray:
     return np.array(rule.origin) + rotate(np.array(rule.turn), (place.x, place.y, place.z))

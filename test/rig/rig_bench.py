@@ -116,7 +116,7 @@ class Bench:
             if link.name == "topics":
                 self._receive = link.receive
         if self.by_hand:
-            self.bridge.intake.restart(self.clock())
+            self.bridge.validator.restart(self.clock())
         else:
             self.bridge.start()
         self.operator = None

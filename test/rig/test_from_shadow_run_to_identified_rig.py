@@ -46,8 +46,8 @@ def test_the_bags_compare_and_the_hidden_numbers_are_found(bags, tmp_path, capsy
     for fit in [*fits, "effects.arms.dead_time=0..0.06"]:
         words += ["--fit", fit]
     main(words)
-    out, complaint = capsys.readouterr()
-    assert out, complaint
+    out, validation_error = capsys.readouterr()
+    assert out, validation_error
     found = json.loads(out)
     values = {one["path"]: one["value"] for one in found["parameters"]}
     assert values["effects.arms.pressure_gain"] == pytest.approx(0.85e-6, rel=0.03)

@@ -11,17 +11,17 @@ from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import encode, header, message_class
 from ldcs_ros.rig.clocks import ClockEstimate
-from ldcs_ros.rig.intake import Intake
 from ldcs_ros.rig.output import line_protocol
-from ldcs_ros.rig.reading import Reading
+from ldcs_ros.rig.reading import RawReading
+from ldcs_ros.rig.reading_validator import ReadingValidator
 from ldcs_ros.rig.rig_file import load_rig, shipped_rigs
 from ldcs_ros.rig.topic_link import Incoming, TopicLink
 from ldcs_ros.rig.units import PASCALS, PressureUnit
-from ldcs_ros.rig.valve_watch import ValveWatch
+from ldcs_ros.rig.valve_monitor import ValveMonitor
 
 
 def pressure(value, stamp=None, received=1.0, name="left"):
-    return Reading("pressure", name, np.array(value), received, "rig", stamp)
+    return RawReading("pressure", name, np.array(value), received, "rig", stamp)
 
 
 @pytest.mark.parametrize("unit", PASCALS)
@@ -81,37 +81,39 @@ def test_a_late_message_is_no_clock_jump():
     [(float("nan"), "not a number"), (float("inf"), "not a number"), (9e6, "implausible")],
 )
 def test_nonsense_is_dropped_and_counted(value, reason):
-    intake = Intake(5e5, 0.0)
-    assert intake.take(pressure(value)) is None
-    assert intake.dropped == {reason: 1} and reason in intake.last_drop
+    validator = ReadingValidator(5e5, 0.0)
+    assert validator.validate(pressure(value)) is None
+    assert validator.dropped == {reason: 1} and reason in validator.last_drop
 
 
 def test_copies_and_late_comers_are_dropped():
-    intake = Intake(5e5, 0.0)
-    taken = [intake.take(pressure(1e4, stamp, 1.0 + stamp)) for stamp in (0.0, 0.01, 0.01, 0.03, 0.02, 0.04)]
+    validator = ReadingValidator(5e5, 0.0)
+    taken = [
+        validator.validate(pressure(1e4, stamp, 1.0 + stamp)) for stamp in (0.0, 0.01, 0.01, 0.03, 0.02, 0.04)
+    ]
     assert [sample is not None for sample in taken] == [True, True, False, True, False, True]
-    assert intake.dropped == {"duplicate": 1, "out of order": 1}
+    assert validator.dropped == {"duplicate": 1, "out of order": 1}
 
 
 @pytest.mark.parametrize("jump", [2.0, -2.0])
 def test_readings_stay_fresh_through_a_clock_jump(jump):
-    intake = Intake(5e5, 0.0)
+    validator = ReadingValidator(5e5, 0.0)
     for k in range(100):
         now = 0.01 * k
-        intake.take(pressure(1e4, now + (jump if k >= 50 else 0.0), now + 0.001))
-        assert intake.silence(now + 0.001, "pressure") < 0.03
-    assert intake.dropped.total() <= 1
+        validator.validate(pressure(1e4, now + (jump if k >= 50 else 0.0), now + 0.001))
+        assert validator.silence(now + 0.001, "pressure") < 0.03
+    assert validator.dropped.total() <= 1
 
 
 def test_silence_is_that_of_the_quietest_arm():
-    intake = Intake(5e5, 0.0)
-    intake.take(pressure(1e4, None, 1.0, "left"))
-    intake.take(pressure(1e4, None, 2.0, "right"))
-    assert intake.silence(3.0, "pressure") == 2.0
+    validator = ReadingValidator(5e5, 0.0)
+    validator.validate(pressure(1e4, None, 1.0, "left"))
+    validator.validate(pressure(1e4, None, 2.0, "right"))
+    assert validator.silence(3.0, "pressure") == 2.0
 
 
 def test_a_stuck_valve_and_a_leak_are_told_apart():
-    watch = ValveWatch(tolerance=10e3, patience=0.4)
+    watch = ValveMonitor(tolerance=10e3, patience=0.4)
     for k in range(80):
         time = 0.01 * k
         watch.take("left", time, 20e3, 20e3 + 60e3 * min(time, 1.0))
@@ -168,7 +170,7 @@ def test_a_tracker_is_turned_into_the_frame_of_the_sheet(clock):
     link.receive("/t", encode(stamped))
     (reading,) = link.take_readings()
     assert np.allclose(reading.value, [0.1, 0.2, 0.0]) and reading.age == 0.02
-    assert [(frame.link, frame.type) for frame in link.take_frames()] == [("/t", stamped.__msgtype__)]
+    assert [(frame.link, frame.type) for frame in link.take_packets()] == [("/t", stamped.__msgtype__)]
 
 
 def test_bytes_that_make_no_sense_are_counted(clock):

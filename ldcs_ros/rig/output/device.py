@@ -12,7 +12,7 @@ _MOST_WAITING = 2_000
 
 
 @dataclass(frozen=True)
-class RawReading:
+class DeviceReading:
     """A pressure as the device reported it.
 
     Attributes:
@@ -31,7 +31,7 @@ class RawReading:
 
 
 @dataclass(frozen=True)
-class RawPacket:
+class DevicePacket:
     """Bytes that went over the wire: whether the bridge sent them, the bytes, and the steady time [s]."""
 
     sent: bool
@@ -69,8 +69,8 @@ class Device(abc.ABC):
         self.name, self.clock, self.rate, self.resolution = name, clock, rate, resolution
         self.malformed = 0
         self.heartbeats = 0
-        self._readings: list[RawReading] = []
-        self._packets: list[RawPacket] = []
+        self._readings: list[DeviceReading] = []
+        self._packets: list[DevicePacket] = []
         self._round_trips: list[tuple[float, float, float]] = []
         self._answers: list[str] = []
 
@@ -86,7 +86,9 @@ class Device(abc.ABC):
     def exchange(self, setpoint: Pressures | None) -> None:
         """Send set-points, gauge [Pa], unless None, and receive what there is."""
 
-    def take(self) -> tuple[list[RawReading], list[RawPacket], list[tuple[float, float, float]], list[str]]:
+    def take(
+        self,
+    ) -> tuple[list[DeviceReading], list[DevicePacket], list[tuple[float, float, float]], list[str]]:
         """Return readings, packets, round trips (sent, stamp, received) [s] and answers ('' or a refusal)."""
         taken = self._readings, self._packets, self._round_trips, self._answers
         self._readings, self._packets, self._round_trips, self._answers = [], [], [], []
@@ -95,12 +97,12 @@ class Device(abc.ABC):
     def report(self, kind: str, arm: str, value: float, *, stamp: float | None = None) -> None:
         """Hand on a pressure [Pa] that came just now."""
         if len(self._readings) < _MOST_WAITING:
-            self._readings.append(RawReading(kind, arm, value, self.clock(), stamp))
+            self._readings.append(DeviceReading(kind, arm, value, self.clock(), stamp))
 
     def record(self, data: bytes, *, sent: bool) -> None:
         """Keep raw bytes for the bag."""
         if len(self._packets) < _MOST_WAITING:
-            self._packets.append(RawPacket(sent, bytes(data), self.clock()))
+            self._packets.append(DevicePacket(sent, bytes(data), self.clock()))
 
     def acknowledge(self) -> None:
         """Hand on that the rig confirmed a write."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Limits, Pressures
@@ -17,6 +17,25 @@ _HIGHEST_REGISTER = 0x7FFF  # above it some islands read a negative number
 _MILLISECONDS_A_TURN = 2**32
 
 
+class ModbusClient(Protocol):
+    """A client of pymodbus, which has requests such as `read_holding_registers` beside these."""
+
+    def connect(self) -> bool:
+        """Connect; return whether that worked."""
+
+    def close(self) -> None:
+        """Disconnect."""
+
+
+class ModbusAnswer(Protocol):
+    """An answer of pymodbus."""
+
+    registers: list[int]
+
+    def isError(self) -> bool:
+        """Return whether the device refused the request."""
+
+
 @dataclass(frozen=True)
 class ModbusMap:
     """A map of the registers of a valve island.
@@ -25,7 +44,7 @@ class ModbusMap:
         host: Its address.
         port: TCP port.
         device: Device (unit) identifier.
-        rate: Exchanges a second [Hz].
+        rate: Exchanges per second [Hz].
         timeout: Longest wait for an answer [s].
         unit: Unit of the registers; the pressures in them are whole numbers.
         setpoint: Holding register of the left arm's set-point; the right arm's follows.
@@ -55,7 +74,7 @@ class ModbusDevice(Device):
     def __init__(self, registers: ModbusMap, limits: Limits, clock: Callable[[], float]) -> None:
         super().__init__("modbus", clock, registers.rate, registers.unit.step)
         self._map = registers
-        self._client: Any = None
+        self._client: ModbusClient | None = None
         self._highest = min(int(registers.unit.from_pascal(limits.pressure)), _HIGHEST_REGISTER)
 
     def open(self) -> None:
@@ -115,11 +134,13 @@ class ModbusDevice(Device):
             )
         return registers
 
-    def _ask(self, request: str, *arguments: Any, **keywords: Any) -> Any:
+    def _ask(self, request: str, *arguments: object, **keywords: object) -> ModbusAnswer:
         from pymodbus.exceptions import ModbusException
 
         try:
-            answer = getattr(self._client, request)(*arguments, device_id=self._map.device, **keywords)
+            answer: ModbusAnswer = getattr(self._client, request)(
+                *arguments, device_id=self._map.device, **keywords
+            )
         except (ModbusException, OSError) as error:
             raise LinkError(f"the valve island does not answer: {str(error).splitlines()[0]}") from error
         if answer.isError():

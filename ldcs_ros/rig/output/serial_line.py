@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Pressures
@@ -13,6 +13,9 @@ from ldcs_ros.rig.output import line_protocol
 from ldcs_ros.rig.output.device import Device
 from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.units import PressureUnit
+
+if TYPE_CHECKING:
+    from serial import Serial
 
 _LONGEST_NUMBER = 15
 _MOST_UNANSWERED = 200
@@ -41,7 +44,7 @@ class SerialDevice(Device):
     def __init__(self, settings: SerialSettings, clock: Callable[[], float]) -> None:
         super().__init__("serial", clock, settings.rate, 1e-3 * settings.unit.step)
         self._settings = settings
-        self._port: Any = None
+        self._port: Serial | None = None
         self._buffer = line_protocol.LineBuffer()
         self._unanswered: dict[int, float] = {}
 
@@ -66,10 +69,13 @@ class SerialDevice(Device):
     def exchange(self, setpoint: Pressures | None) -> None:
         import serial
 
+        port = self._port
+        if port is None:
+            raise LinkError("the serial line is not open")
         try:
             if setpoint is not None:
-                self._send(setpoint)
-            data = self._port.read(self._port.in_waiting)
+                port.write(self._line(setpoint))
+            data = port.read(port.in_waiting)
         except (serial.SerialException, OSError) as error:
             raise LinkError(f"the serial line {self._settings.port} is gone: {error}") from error
         for raw in self._buffer.feed(data):
@@ -79,7 +85,7 @@ class SerialDevice(Device):
             except (ValueError, IndexError, OverflowError):
                 self.malformed += 1
 
-    def _send(self, setpoint: Pressures) -> None:
+    def _line(self, setpoint: Pressures) -> bytes:
         self.heartbeats += 1
         # Three decimals, cut off, not rounded: a set-point must not leave above its limit.
         values = [int(self._settings.unit.from_pascal(value) * 1e3) / 1e3 for value in setpoint]
@@ -88,7 +94,7 @@ class SerialDevice(Device):
         if len(self._unanswered) > _MOST_UNANSWERED:
             del self._unanswered[min(self._unanswered)]
         self.record(data, sent=True)
-        self._port.write(data)
+        return data
 
     def _take(self, fields: list[str]) -> None:
         if max(map(len, fields[1:7])) > _LONGEST_NUMBER and fields[0] != "E":

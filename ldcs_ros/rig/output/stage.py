@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from ldcs_ros.rig.limits import Limits
-from ldcs_ros.rig.output.device import Device, RawPacket, RawReading
+from ldcs_ros.rig.output.device import Device, DevicePacket, DeviceReading
 from ldcs_ros.rig.output.limiter import OutputLimiter, OutputState
 from ldcs_ros.rig.output.monitor import WriteMonitor
 
@@ -56,8 +56,8 @@ class OutputStatus:
 class Exchange:
     """What one step of a stage brought: readings, packets, round trips (sent, stamp, received) [s] and its status."""
 
-    readings: list[RawReading]
-    packets: list[RawPacket]
+    readings: list[DeviceReading]
+    packets: list[DevicePacket]
     round_trips: list[tuple[float, float, float]]
     status: OutputStatus
 
@@ -76,8 +76,8 @@ class Exchange:
         status = dict(content["status"])
         status["sent"] = tuple(status["sent"])
         return cls(
-            [RawReading(*one) for one in content["readings"]],
-            [RawPacket(sent, bytes.fromhex(data), time) for sent, data, time in content["packets"]],
+            [DeviceReading(*one) for one in content["readings"]],
+            [DevicePacket(sent, bytes.fromhex(data), time) for sent, data, time in content["packets"]],
             [(sent, stamp, received) for sent, stamp, received in content["round_trips"]],
             OutputStatus(**status),
         )

@@ -1,4 +1,4 @@
-"""Mirror: in mode mirror, measurements pull an estimate of the whole surface to the rig."""
+"""The state estimator of mode mirror: measurements correct an estimate of the whole surface."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.messages.lattice import NodeCloud
 from ldcs_ros.messages.topics import BASE_FRAME
-from ldcs_ros.rig.intake import Sample
+from ldcs_ros.rig.reading_validator import Reading
 from ldcs_ros.twin.twin import Twin
 
-_DISHONEST = (0.5, 2.0)
+_CONSISTENT = (0.5, 2.0)
 _STALE = 1.0
 _PATIENCE = 1.0  # s: time without any pressure after which none is expected
 _MOST_POSITIONS = 16  # in one pass: 30 ms of work on a free core
 
 
-class Mirror:
-    """A SurfaceFilter that takes what a rig measures and emits what it believes.
+class StateEstimator:
+    """A SurfaceFilter that is corrected by the readings of a rig and emits its estimate.
 
     A process of its own finds the reduced basis, so the loop goes on meanwhile; restarts of the filter keep it.
 
@@ -32,7 +32,7 @@ class Mirror:
 
     Attributes:
         filter: The filter; None until the basis is known.
-        failure: Why there will be none; '' otherwise.
+        failure: Reason why there is no filter; '' otherwise.
         skipped: Measured positions that came faster than the machine could take them.
     """
 
@@ -55,34 +55,34 @@ class Mirror:
             self._basis.close()
             self._basis = None
 
-    def take(self, samples: Sequence[tuple[Sample, float]]) -> None:
-        """Take sound samples, each with the time of the twin at which it was measured [s].
+    def take(self, readings: Sequence[tuple[Reading, float]]) -> None:
+        """Take valid readings, each with the time of the twin at which it was measured [s].
 
         A late pass has a backlog: the newest positions of it count, so that no pass takes long.
         """
         if self.filter is None:
             self._start_filter()
-        positions = [pair for pair in samples if pair[0].kind == "position" and pair[0].name in self._points]
-        dropped = {id(sample) for sample, _ in positions[:-_MOST_POSITIONS]}
+        positions = [pair for pair in readings if pair[0].kind == "position" and pair[0].name in self._points]
+        dropped = {id(reading) for reading, _ in positions[:-_MOST_POSITIONS]}
         if self.filter is not None:
             self.skipped += len(dropped)
-        for sample, time in samples:
-            if sample.kind == "pressure":
-                self._take_pressure(sample, time)
-            elif sample.kind == "position" and sample.name in self._points and id(sample) not in dropped:
-                self._take_position(sample, time)
+        for reading, time in readings:
+            if reading.kind == "pressure":
+                self._take_pressure(reading, time)
+            elif reading.kind == "position" and reading.name in self._points and id(reading) not in dropped:
+                self._take_position(reading, time)
 
-    def _take_pressure(self, sample: Sample, time: float) -> None:
+    def _take_pressure(self, reading: Reading, time: float) -> None:
         arms = self._twin.simulation.arm_names
-        self._pressure[sample.name] = max(float(sample.value), 0.0)
-        if self.filter is not None and sample.name == arms[-1]:
+        self._pressure[reading.name] = max(float(reading.value), 0.0)
+        if self.filter is not None and reading.name == arms[-1]:
             self.filter.pressure(time, np.array([self._pressure.get(arm, 0.0) for arm in arms]))
 
-    def _take_position(self, sample: Sample, time: float) -> None:
+    def _take_position(self, reading: Reading, time: float) -> None:
         if self.filter is None or (not self._pressure and time < _PATIENCE):
             return
         try:
-            if self.filter.correct(time, {sample.name: sample.value}) is not None:
+            if self.filter.correct(time, {reading.name: reading.value}) is not None:
                 self._corrected_at = time
         except DivergenceError:
             self.filter.restart(time)
@@ -117,7 +117,7 @@ class Mirror:
             self._twin.emit(self._twin.topics[f"estimate/{point}/pose"], _pose(now, point, estimate), now)
 
     def status(self) -> Status:
-        """Return what the filter says of itself."""
+        """Return the health of the filter."""
         if self.filter is None:
             if self.failure:
                 return Status("estimate", ERROR, self.failure, {})
@@ -137,7 +137,7 @@ class Mirror:
             return Status(
                 "estimate", ERROR, f"no position measured for {silent:.1f} s: nothing to correct by", values
             )
-        low, high = _DISHONEST
+        low, high = _CONSISTENT
         words = ", ".join(f"{name} {values[name]}" for name in estimate.parameters)
         if not low <= surface.consistency <= high:
             return Status("estimate", WARN, f"its covariance does not fit what is measured; {words}", values)

@@ -1,4 +1,4 @@
-"""Intake: what a rig reports is checked, freed of duplicates, and put on the bridge's clock."""
+"""Checks of the readings of a rig: range, order, duplicates; and their time on the bridge's clock."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.rig.clocks import JUMP, ClockEstimate
-from ldcs_ros.rig.reading import Reading
+from ldcs_ros.rig.reading import RawReading
 
 _FARTHEST = 2.0  # m: no probe of a sheet of centimetres is farther from its base
 _DEEPEST = -50e3  # Pa gauge: half a vacuum
 
 
 @dataclass(frozen=True)
-class Sample:
-    """A reading that was found sound.
+class Reading:
+    """A valid reading.
 
     Attributes:
-        kind: As `Reading.kind`.
+        kind: As `RawReading.kind`.
         name: Arm or point.
         value: Gauge pressure [Pa], shape (), or position in ldcs_base [m], shape (3,).
-        time: When it was measured [s of the bridge's clock].
-        received: When it came [s of the bridge's clock].
+        time: Time of the measurement [s of the bridge's clock].
+        received: Time of its arrival [s of the bridge's clock].
     """
 
     kind: str
@@ -34,20 +34,20 @@ class Sample:
     received: float
 
 
-class Intake:
-    """Sorts sound readings from others and counts why the others were dropped.
+class ReadingValidator:
+    """A filter of valid readings, with counts of the dropped ones by reason.
 
     Args:
         highest_pressure: Largest pressure that a sensor can sensibly report [Pa].
         start: Steady time from which silence counts [s].
 
     Attributes:
-        accepted: Number of sound readings.
+        accepted: Number of valid readings.
         dropped: Number of dropped readings by reason.
         last_drop: The latest drop in words; '' while there was none.
         clocks: Clock of each source that stamps.
-        heard_at: When the latest sound reading was measured, by 'kind name' [s of the bridge's clock].
-        came_at: When the last sound reading came, whatever its age [s of the bridge's clock].
+        heard_at: Time of the latest valid measurement by 'kind name' [s of the bridge's clock].
+        came_at: Arrival of the latest valid reading, whatever its age [s of the bridge's clock].
     """
 
     def __init__(self, highest_pressure: float, start: float) -> None:
@@ -66,36 +66,36 @@ class Intake:
         """Let silence count from a steady time [s]."""
         self._start = self.came_at = start
 
-    def take(self, reading: Reading) -> Sample | None:
-        """Return the sound sample of a reading, or None if it was dropped and counted."""
-        channel = f"{reading.kind} {reading.name}"
-        complaint = self._unsound(reading)
-        if complaint:
-            self._drop(*complaint, channel)
+    def validate(self, raw: RawReading) -> Reading | None:
+        """Return a valid reading, or None for one that is dropped and counted."""
+        channel = f"{raw.kind} {raw.name}"
+        validation_error = self._range_error(raw)
+        if validation_error:
+            self._drop(*validation_error, channel)
             return None
-        time = reading.received
-        if reading.stamp is not None:
-            clock = self.clocks.setdefault(reading.source, ClockEstimate())
-            key = (reading.source, reading.kind, reading.name)
-            complaint = self._stale(key, reading.stamp, clock)
-            if complaint:
-                self._drop(*complaint, channel)
+        time = raw.received
+        if raw.stamp is not None:
+            clock = self.clocks.setdefault(raw.source, ClockEstimate())
+            key = (raw.source, raw.kind, raw.name)
+            validation_error = self._order_error(key, raw.stamp, clock)
+            if validation_error:
+                self._drop(*validation_error, channel)
                 return None
-            if not clock.one_way(reading.stamp, reading.received):
-                self._drop("out of order", f"stamp {reading.stamp:.6f} s is far behind", channel)
+            if not clock.one_way(raw.stamp, raw.received):
+                self._drop("out of order", f"stamp {raw.stamp:.6f} s is far behind", channel)
                 return None
-            if clock.jumps > self._jumps[reading.source]:
-                self._jumps[reading.source] = clock.jumps
+            if clock.jumps > self._jumps[raw.source]:
+                self._jumps[raw.source] = clock.jumps
                 self._last.clear()
-            self._last[key] = reading.stamp
-            time = min(clock.local(reading.stamp), reading.received)
+            self._last[key] = raw.stamp
+            time = min(clock.local(raw.stamp), raw.received)
         self.accepted += 1
         self.heard_at[channel] = time
-        self.came_at = reading.received
-        return Sample(reading.kind, reading.name, reading.value, time - reading.age, reading.received)
+        self.came_at = raw.received
+        return Reading(raw.kind, raw.name, raw.value, time - raw.age, raw.received)
 
     def silence(self, now: float, kind: str) -> float:
-        """Return how old the latest sound reading of a kind is, of the quietest arm or point that ever spoke [s].
+        """Return the age of the latest valid reading of a kind, for the quietest arm or point heard so far [s].
 
         Before the first one, silence counts from the start.
         """
@@ -103,7 +103,7 @@ class Intake:
         return now - min(heard, default=self._start)
 
     def staleness(self, now: float, kind: str, timeout: float) -> str:
-        """Return what is too old about a kind of readings, in words; '' while all are fresh."""
+        """Return the readings of a kind that are too old, in words; '' while all are fresh."""
         silence = self.silence(now, kind)
         if silence <= timeout:
             return ""
@@ -116,21 +116,23 @@ class Intake:
         ]
         return f"{kind} of {', '.join(old) or 'the rig'} is {silence:.2f} s old"
 
-    def _unsound(self, reading: Reading) -> tuple[str, str] | None:
-        value = np.asarray(reading.value, dtype=float)
+    def _range_error(self, raw: RawReading) -> tuple[str, str] | None:
+        value = np.asarray(raw.value, dtype=float)
         shown = np.array2string(value, precision=6)
-        if reading.stamp is not None and not math.isfinite(reading.stamp):
-            return "not a number", f"stamp {reading.stamp}"
+        if raw.stamp is not None and not math.isfinite(raw.stamp):
+            return "not a number", f"stamp {raw.stamp}"
         if not np.isfinite(value).all():
             return "not a number", f"got {shown}"
-        if reading.kind == "position":
+        if raw.kind == "position":
             if value.shape != (3,) or np.abs(value).max() > _FARTHEST:
                 return "implausible", f"got {shown} m, expected within {_FARTHEST:g} m"
         elif not _DEEPEST <= float(value) <= self._highest:
             return "implausible", f"got {shown} Pa, expected {_DEEPEST:g} ... {self._highest:g} Pa"
         return None
 
-    def _stale(self, key: tuple[str, str, str], stamp: float, clock: ClockEstimate) -> tuple[str, str] | None:
+    def _order_error(
+        self, key: tuple[str, str, str], stamp: float, clock: ClockEstimate
+    ) -> tuple[str, str] | None:
         before = self._last.get(key)
         if before is None or stamp > before:
             return None
