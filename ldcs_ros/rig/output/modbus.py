@@ -82,14 +82,15 @@ class ModbusDevice(Device):
 
         # Its own log would repeat every failed attempt; the diagnostics say it once per second.
         logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
-        self._client = ModbusTcpClient(
+        client: ModbusClient = ModbusTcpClient(
             self._map.host,
             port=self._map.port,
             timeout=self._map.timeout,
             retries=0,
             trace_packet=self._trace,
         )
-        if not self._client.connect():
+        self._client = client
+        if not client.connect():
             raise LinkError(
                 f"no valve island answers at {self._map.host}:{self._map.port}; is it switched on?"
             )
