@@ -1,4 +1,4 @@
-"""`ldcs study --hard`: runs the catalogue of hard cases, prints a row each, writes hard_cases.md."""
+"""`ldcs study --hard`: runs the catalogue of hard cases, prints a line each, writes hard_cases.md."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ EXIT_WRONG = 1
 def run_hard_cases(arguments: argparse.Namespace) -> int:
     """Run the cases; status 0, or 1 if a case is neither right nor stopped with a reason."""
     from ldcs_ros.study.hard.catalogue import CASES
-    from ldcs_ros.study.hard.command import run_catalogue, write_page
-    from ldcs_ros.study.hard.report import as_text, summary
-    from ldcs_ros.study.hard.runner import Row
+    from ldcs_ros.study.hard.report import as_text, summary, write_page
+    from ldcs_ros.study.hard.runner import CaseResult, run_cases
     from ldcs_ros.study.timing import machine
 
     cases = [case for case in CASES.values() if arguments.only in case.name]
@@ -25,20 +24,20 @@ def run_hard_cases(arguments: argparse.Namespace) -> int:
     done = 0
     with Progress(len(cases), label="hard cases", unit="", quiet=arguments.json) as progress:
 
-        def tell(row: Row) -> None:
+        def show(result: CaseResult) -> None:
             nonlocal done
             done += 1
             progress.show(done)
             if not arguments.json:
-                print(as_text(row), flush=True)
+                print(as_text(result), flush=True)
 
-        rows = run_catalogue(cases, jobs=arguments.jobs, on_row=tell)
+        results = run_cases(cases, jobs=arguments.jobs, on_result=show)
     command = "ldcs study --hard" + (f" --only '{arguments.only}'" if arguments.only else "")
     command += f" --jobs {arguments.jobs}" if arguments.jobs > 1 else ""
-    path = write_page(rows, arguments.output, machine=machine(), command=command)
+    path = write_page(results, arguments.output, machine=machine(), command=command)
     if arguments.json:
-        measured = [{**asdict(row), "case": row.case.name} for row in rows]
-        print_json({"rows": measured, "summary": summary(rows), "page": str(path)})
+        measured = [{**asdict(result), "case": result.case.name} for result in results]
+        print_json({"rows": measured, "summary": summary(results), "page": str(path)})
     else:
-        print(f"\n{summary(rows)}\nwritten  {path}")
-    return EXIT_WRONG if any(row.outcome == "wrong" for row in rows) else 0
+        print(f"\n{summary(results)}\nwritten  {path}")
+    return EXIT_WRONG if any(result.outcome == "wrong" for result in results) else 0

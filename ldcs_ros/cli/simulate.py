@@ -140,7 +140,9 @@ def _warm_up(twin: Twin) -> None:
     # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
     # takes that out of the run's own time.
     if kernels_wait_for_compilation():
-        print("ldcs: compiling kernels for this computer, once; some ten seconds", file=sys.stderr, flush=True)
+        print(
+            "ldcs: compiling kernels for this computer, once; some ten seconds", file=sys.stderr, flush=True
+        )
     twin.scene.build().advance_to(1e-4)
 
 

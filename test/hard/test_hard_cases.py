@@ -6,10 +6,9 @@ import pickle
 
 import pytest
 
-from ldcs_ros.study.hard.case import Refused
 from ldcs_ros.study.hard.catalogue import CASES, CHAPTERS
 from ldcs_ros.study.hard.runner import run_case
-from ldcs_ros.study.hard.starts import STARTS
+from ldcs_ros.study.hard.scenes import STARTS
 
 FAST = [name for name, case in CASES.items() if case.fast]
 
@@ -26,5 +25,5 @@ def test_a_case_travels_to_another_process():
 
 @pytest.mark.parametrize("name", FAST)
 def test_a_fast_case_ends_right(name):
-    row = run_case(CASES[name])
-    assert row.outcome == ("refused" if isinstance(row.case.right, Refused) else "right"), row.note
+    result = run_case(CASES[name])
+    assert result.outcome == ("refused" if result.case.refusal else "right"), result.note

@@ -1,4 +1,4 @@
-"""The energy audit: what inputs and drives put into a run against what is stored and what dampers took."""
+"""The energy audit: the work of inputs and drives against stored and dissipated energy."""
 
 from __future__ import annotations
 
@@ -13,15 +13,13 @@ from ldcs_ros.physics.model import Model, Motion
 
 # Gauss-Legendre points of a step: exact for polynomials of degree 9, a step's own curve has degree 5.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-
-
-# A step's own curve is trusted while it dissipates as much as the cubic, but for this share.
+# A step's own curve is used while its dissipation and the cubic's differ by less than this fraction.
 SWING = 0.1
 
 
 @dataclass(frozen=True)
 class Power:
-    """What changes the energy at an instant [W].
+    """Powers that change the energy at an instant [W].
 
     Attributes:
         work: Of drive torques, wrenches and prescribed motion.
@@ -39,12 +37,12 @@ def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldC
     minus the force on it times its rate. The arms' force contains terms of the second order in the rates
     that do no work (they belong to the changing inertia); dampers are odd in the rates and are told by that.
     """
-    still = np.zeros_like(u)
+    no_rate = np.zeros_like(u)
     work = dissipated = 0.0
     reaction = np.zeros(model.n_coordinates)
     for term in model.terms:
         at_rest, moving = np.zeros(model.n_coordinates), np.zeros(model.n_coordinates)
-        term.add_force(time, q, still, inputs, at_rest)
+        term.add_force(time, q, no_rate, inputs, at_rest)
         term.add_force(time, q, u, inputs, moving)
         damping = moving - at_rest
         if term is model.arms:
@@ -81,24 +79,19 @@ class EnergyAudit:
 
     Args:
         model: The model.
-        motion: Where the run starts.
+        motion: Start of the run.
 
     Attributes:
         worst: Largest residual so far, |kinetic + potential + dissipated - work - start| [J].
-        growth: Largest excess of stored and dissipated energy over what was put in [J].
-        moved: Largest energy that was stored, put in or dissipated so far [J]: what the residual is a share of.
+        growth: Largest excess of stored and dissipated energy over the work put in [J].
+        moved: Largest energy that was stored, put in or dissipated so far [J]: the residual relates to it.
     """
 
     def __init__(self, model: Model, motion: Motion) -> None:
         self.model = model
-        self.begin(motion)
+        self.start, self.kinetic = self._potential(motion), self._kinetic(motion)
         self.work = self.dissipated = 0.0
         self.worst = self.growth = self.moved = 0.0
-
-    def begin(self, motion: Motion) -> None:
-        """Take a motion as the start."""
-        self.start = self._potential(motion)
-        self.kinetic = self._kinetic(motion)
 
     def follow(self, step: Step, end: float, inputs: HeldCommands) -> None:
         """Add one step, up to a time `end` [s] if it goes further."""
@@ -120,7 +113,7 @@ class EnergyAudit:
 
     @property
     def relative(self) -> float:
-        """The largest residual as a share of the energy moved; 0 where nothing moved."""
+        """The largest residual over the energy moved; 0 without motion."""
         return self.worst / self.moved if self.moved > 0.0 else 0.0
 
     def _curve(self, step: Step, inputs: HeldCommands) -> Callable[[float], Motion]:

@@ -1,14 +1,134 @@
-"""The catalogue: every hard case, by chapter."""
+"""The catalogue: every hard case, by chapter; contact, forced steps, long runs and lattices are here."""
 
 from __future__ import annotations
 
-from ldcs_ros.study.hard.case import HardCase
-from ldcs_ros.study.hard.contacts import CONTACT_CASES
-from ldcs_ros.study.hard.lattices import LATTICE_CASES
+from math import inf
+from typing import Any
+
+from ldcs_ros.study.hard.case import HardCase, peak_to_peak
 from ldcs_ros.study.hard.loads import LOAD_CASES
+from ldcs_ros.study.hard.scenes import ARC, ARMS, FALLING, HANGING, RIG, Content, changed
 from ldcs_ros.study.hard.shapes import SHAPE_CASES
-from ldcs_ros.study.hard.steps import STEP_CASES
 from ldcs_ros.study.hard.stiffness import STIFFNESS_CASES
+
+LITTLE = (
+    "a sheet that sinks in by a tenth of a millimetre moves micro-joules: a fraction of them is no measure"
+)
+# At rest no node moves. Any: keyword arguments of several types.
+AT_REST: dict[str, Any] = {"check": peak_to_peak, "limit": 1e-6, "sample_from": 10.0, "audit": inf}
+CHATTER = [{"time": k * 0.05, "pressure": 60e3 * (k % 2)} for k in range(40)]
+LYING = changed(FALLING, {"effects.floor.height": -0.005})
+
+CONTACT_CASES = (
+    HardCase("plates under chattering pressure", changed(RIG, {"inputs": CHATTER}), 2.0, fast=True),
+    HardCase(
+        "stiff plates under chattering pressure",
+        changed(RIG, {"inputs": CHATTER, "effects.support.stiffness": 1e6, "effects.support.onset": 1e-6}),
+        duration=2.0,
+    ),
+    HardCase("dropped on the floor from 0.2 m", FALLING, 1.0, fast=True),
+    HardCase(
+        "dropped on a hard floor without damping",
+        changed(FALLING, {"effects.floor.stiffness": 1e6, "effects.floor.damping": 0.0, "effects.floor.onset": 1e-6}),
+        duration=0.5,
+    ),
+    HardCase(
+        "dropped crumpled",
+        FALLING,
+        duration=0.6,
+        start="crumpled",
+    ),
+    HardCase("lying on the floor for 60 s", LYING, 60.0, LITTLE, **AT_REST, fast=True),
+    HardCase(
+        "lying on a hard floor for 60 s",
+        changed(LYING, {"effects.floor.stiffness": 1e6, "effects.floor.onset": 1e-6}),
+        duration=60.0,
+        reason=LITTLE,
+        **AT_REST,
+    ),
+    HardCase(
+        "resting on the plates for 60 s", changed(RIG, {"inputs": []}), 60.0, LITTLE, **AT_REST
+    ),
+)  # fmt: skip
+
+PERIOD = 20.0  # s
+
+
+def _forced(name: str, scene: Content, method: str, dt: float) -> HardCase:
+    # A microsecond over a millisecond, a tenth of a second over three seconds.
+    duration = min(3.0, 1000 * dt)
+    values = {"solver": {"integrator": method, "dt": dt}}
+    return HardCase(
+        f"{name}: {method}, dt = {dt:g} s",
+        changed(scene, values),
+        duration,
+        reach=0.3,
+        fast=dt == 0.1,
+    )
+
+
+def _cycles(count: int) -> list[Content]:
+    return [{"time": 0.5 * PERIOD * k, "torque": 0.1392 * (1 - k % 2)} for k in range(2 * count)]
+
+
+STEP_CASES = (
+    *(
+        _forced(name, scene, method, dt)
+        for name, scene in (("arc", ARC), ("arms", ARMS))
+        for method in ("esdirk43", "trbdf2")
+        for dt in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+    ),
+    *(
+        HardCase(
+            f"arc: {method}, dt = 0.001 s",
+            changed(ARC, {"solver": {"integrator": method, "dt": 1e-3}}),
+            duration=0.1,
+            refusal=rf"dt = 0.001 s is above the stability limit \S+ s of {method}",
+            fast=True,
+        )
+        for method in ("semi_implicit_euler", "rk4")
+    ),
+    HardCase(
+        "one hour of slow cycles",
+        changed(ARMS, {"inputs": _cycles(180)}),
+        duration=180 * PERIOD,
+        check=peak_to_peak,
+        # Two cycles may differ by the remainders of two iterations: 2 x 0.02 x 0.15 of the asked 1e-5 m.
+        limit=6e-8,
+        sample_from=3 * PERIOD,
+        period=PERIOD,
+        memory=4e6,
+        audit=inf,
+        timeout=600.0,
+        reason="work and dissipation of an hour exceed the energy stored a thousandfold; the residual is a sum of "
+        "their errors, the cycles themselves are compared instead",
+    ),
+)
+
+THIN = (
+    "a foil of 0.1 mm has negligible bending stiffness and hangs straight down: bounds as for 0.1 m of travel"
+)
+
+
+LATTICE_CASES = (
+    *(
+        HardCase(f"lattice {nodes}", changed(HANGING, {"lattice.nodes": nodes}), 1.0, fast=nodes == [2, 2])
+        for nodes in ([2, 2], [2, 33], [33, 2], [65, 9])
+    ),
+    *(
+        HardCase(f"lattice {nodes} with arms", changed(ARMS, {"lattice.nodes": nodes, "effects.arms.width": 0}), 0.5,
+            fast=nodes == [2, 2])
+        for nodes in ([2, 2], [2, 33], [33, 2], [65, 9])
+    ),
+    HardCase("aspect ratio 1:50", changed(HANGING, {"lattice.size": [0.02, 1.0, 0.01]}), 1.0),
+    HardCase("aspect ratio 50:1", changed(HANGING, {"lattice.size": [1.0, 0.02, 0.01]}), 1.0),
+    HardCase("aspect ratio 1:50, lattice [3, 51]", changed(HANGING, {"lattice.size": [0.02, 1.0, 0.01],
+        "lattice.nodes": [3, 51]}), 0.5),
+    HardCase("thickness 1e-4 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 1e-4]}), 1.0, THIN),
+    HardCase("thickness 1e-4 m with arms", changed(ARMS, {"lattice.size": [0.14, 0.14, 1e-4]}), 1.0),
+    HardCase("thickness 0.1 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 0.1]}), 1.0),
+    HardCase("thickness 0.1 m with arms", changed(ARMS, {"lattice.size": [0.14, 0.14, 0.1]}), 1.0),
+)  # fmt: skip
 
 CHAPTERS: dict[str, tuple[HardCase, ...]] = {
     "Stiffness and damping": STIFFNESS_CASES,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ldcs_ros.study.hard.case import Bounded, HardCase, Reference
+from ldcs_ros.study.hard.case import HardCase, no_error
 from ldcs_ros.study.hard.scenes import ARMS, FREE, HANGING, RIG, Content, changed
 
 NODE_MASS = 0.160 / 162
@@ -15,13 +15,13 @@ def _payload(ratio: float) -> HardCase:
     if ratio > 1e3:
         # 10 kg on a sheet of 160 g: it must hold, so it is as stiff as steel mesh.
         scene = changed(scene, {"effects.springs.stiffness": 8e4, "effects.springs.damping": 500.0})
-    return HardCase(f"payload {ratio:g} times a node", scene, 2.0, Reference(), fast=ratio == 1e4)
+    return HardCase(f"payload {ratio:g} times a node", scene, 2.0, fast=ratio == 1e4)
 
 
 def _wrench(
-    name: str, course: list[tuple[float, list[float], list[float]]], scene: Content = HANGING
+    name: str, profile: list[tuple[float, list[float], list[float]]], scene: Content = HANGING
 ) -> Content:
-    commands = [{"time": t, "wrench": {"frame": name, "force": f, "torque": m}} for t, f, m in course]
+    commands = [{"time": t, "wrench": {"frame": name, "force": f, "torque": m}} for t, f, m in profile]
     has_wrench = any(effect["type"] == "wrench" for effect in scene["effects"])
     return changed({**scene, "inputs": commands}, add=() if has_wrench else ({"type": "wrench"},))
 
@@ -37,15 +37,15 @@ def _chirp(top: float, duration: float, rate: float = 500.0) -> list[Content]:
 
 
 TORN = "the corner is torn out by half a metre at 7 m/s: more than 3 times the asked error is left"
-STILL, NONE = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+ZERO = [0.0, 0.0, 0.0]
 TORQUES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
 JERKS = (
-    "each jump of a command starts a transient of microseconds whose place is right and whose rates are not followed: "
-    "what dampers take there is known to this share"
+    "each jump of a command starts a transient of microseconds with correct positions and unresolved rates: the "
+    "dissipation there is known to this fraction"
 )
 WOUND_UP = (
-    "so much torque winds the sheet up and through itself, where neighbouring courses part within a tenth of a second: "
-    "bounded, with its energy accounted for; the first moments are compared apart"
+    "at this torque the sheet intersects itself and the motion is chaotic after 0.1 s: bounds and energy balance are "
+    "checked, trajectories only before that"
 )
 LOAD_CASES = (
     *(_payload(ratio) for ratio in (0.0, 1.0, 1e2, 1e4)),
@@ -53,14 +53,12 @@ LOAD_CASES = (
         "10 kg on the soft sheet",
         changed(HANGING, add=({"type": "payload", "at": "P1", "mass": 1e4 * NODE_MASS},)),
         duration=2.0,
-        right=Reference(),
     ),
     *(
         HardCase(
             f"links of {mass:g} kg",
             changed(ARMS, {"effects.arms.link_mass": mass, "effects.arms.link_inertia": mass * 0.035**2 / 12}),
             duration=1.0,
-            right=Reference(),
             fast=mass == 1e-6,
         )
         for mass in (1e-3, 1e-6)
@@ -73,27 +71,25 @@ LOAD_CASES = (
             "effects.arms.joint_damping": 0.0,
         }),
         duration=1.0,
-        right=Reference(),
     ),
     HardCase("a step of full pressure", changed(RIG, {"inputs": [{"time": 0.0, "pressure": 200e3}],
-        "effects.arms.fill_time": 0.0}), duration=2.0, right=Reference(), fast=True),
-    HardCase("full torque reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 2.0)}), 2.0, Reference()),
-    HardCase("the torque limit for 50 ms", changed(ARMS, {"inputs": _reversals(10.0, 0.05, 2.0)}), 0.05,
-        Reference()),
+        "effects.arms.fill_time": 0.0}), duration=2.0, fast=True),
+    HardCase("full torque reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 2.0)}), 2.0),
+    HardCase("the torque limit for 50 ms", changed(ARMS, {"inputs": _reversals(10.0, 0.05, 2.0)}), 0.05),
     HardCase("the torque limit, reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 1.0, 2.0)}), 1.0,
-        Bounded(0.5), WOUND_UP),
-    HardCase("torque chirp to 50 Hz, commanded at 500 Hz", changed(ARMS, {"inputs": _chirp(50.0, 1.0)}), 1.0,
-        Reference()),
-    HardCase("20 N for 1 ms on one node", _wrench("node_top_8_8_aligned", [(0.1, [0.0, 0.0, 20.0], NONE), (0.101,
-        STILL, NONE)]), 1.0, Reference(), fast=True),
+        WOUND_UP, no_error, reach=0.5),
+    HardCase("torque chirp to 50 Hz, commanded at 500 Hz", changed(ARMS, {"inputs": _chirp(50.0, 1.0)}), 1.0),
+    HardCase("20 N for 1 ms on one node", _wrench("node_top_8_8_aligned", [(0.1, [0.0, 0.0, 20.0], ZERO), (0.101,
+        ZERO, ZERO)]), 1.0, fast=True),
     HardCase("20 N for 1 ms on one node in free flight", _wrench("node_top_4_4_aligned", [(0.0, [0.0, 0.0, 20.0],
-        NONE), (0.001, STILL, NONE)], FREE), 1.0, Reference(), JERKS, audit=5e-3),
-    HardCase("100 N pulled sideways on one node", _wrench("node_top_8_8_aligned", [(0.0, [0.0, 100.0, 0.0], NONE)]),
-        1.0, Reference(bound=1e-4), reason=TORN),
-    *(HardCase(f"a wrench of 1 N m about {axis} for 10 ms", _wrench("P1", [(0.0, STILL, torque)]), 0.01, Reference(),
+        ZERO), (0.001, ZERO, ZERO)], FREE), 1.0, JERKS, audit=5e-3),
+    HardCase("100 N pulled sideways on one node", _wrench("node_top_8_8_aligned", [(0.0, [0.0, 100.0, 0.0], ZERO)]),
+        1.0, limit=1e-4, reason=TORN),
+    *(HardCase(f"a wrench of 1 N m about {axis} for 10 ms", _wrench("P1", [(0.0, ZERO, torque)]), 0.01,
         fast=axis == "x") for axis, torque in TORQUES.items()),
-    *(HardCase(f"a wrench of 1 N m about {axis}", _wrench("P1", [(0.0, STILL, torque)]), 0.3, Bounded(0.5), WOUND_UP)
+    *(HardCase(f"a wrench of 1 N m about {axis}", _wrench("P1", [(0.0, ZERO, torque)]), 0.3,
+        WOUND_UP, no_error, reach=0.5)
         for axis, torque in TORQUES.items()),
-    HardCase("a wrench of 1 N m about z in free flight", _wrench("P0", [(0.0, STILL, [0.0, 0.0, 1.0])], FREE), 0.5,
-        Reference(bound=1e-4), reason="it spins up to 36 m/s: more than 3 times the asked error is left"),
+    HardCase("a wrench of 1 N m about z in free flight", _wrench("P0", [(0.0, ZERO, [0.0, 0.0, 1.0])], FREE), 0.5,
+        limit=1e-4, reason="it spins up to 36 m/s: more than 3 times the asked error is left"),
 )  # fmt: skip

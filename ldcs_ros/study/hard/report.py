@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
-from ldcs_ros.study.hard.case import AUDIT_SHARE, PROMISE
+from ldcs_ros.study.hard.case import AUDIT_FACTOR, MAX_FACTOR
 from ldcs_ros.study.hard.catalogue import CHAPTERS
-from ldcs_ros.study.hard.runner import Row
+from ldcs_ros.study.hard.runner import CaseResult
+from ldcs_ros.study.report import markdown_table
 
 COLUMNS = (
     "case",
@@ -21,59 +23,65 @@ COLUMNS = (
 )
 
 
-def cells(row: Row) -> tuple[str, ...]:
-    """Return a row's cells in the order of `COLUMNS`."""
-    solver = row.case.scene.get("solver", {})
-    asked = f"{row.case.accuracy:.0e}" if row.case.accuracy is not None else f"dt = {solver['dt']:g} s"
+def cells(result: CaseResult) -> tuple[str, ...]:
+    """Return the cells of a result in the order of `COLUMNS`."""
+    solver = result.case.scene.get("solver", {})
+    asked = f"{result.case.accuracy:.0e}" if result.case.accuracy is not None else f"dt = {solver['dt']:g} s"
     return (
-        row.case.name,
+        result.case.name,
         asked,
-        row.outcome,
-        _number(row.error, ".1e"),
-        _number(row.audit, ".1e"),
-        str(row.steps),
-        str(row.rejected_steps),
-        _number(row.pace, ".3g"),
+        result.outcome,
+        _number(result.error, ".1e"),
+        _number(result.audit, ".1e"),
+        str(result.steps),
+        str(result.rejected_steps),
+        _number(result.pace, ".3g"),
     )
 
 
-def as_text(row: Row) -> str:
+def as_text(result: CaseResult) -> str:
     """Return one line for a terminal."""
-    name, *rest = cells(row)
+    name, *rest = cells(result)
     line = f"{name:<58} " + " ".join(
         f"{cell:>{width}}" for cell, width in zip(rest, (10, 8, 8, 8, 7, 6, 8), strict=True)
     )
-    return f"{line}  {row.note}".rstrip()
+    return f"{line}  {result.note}".rstrip()
 
 
-def summary(rows: Sequence[Row]) -> str:
+def summary(results: Sequence[CaseResult]) -> str:
     """Return one sentence with the counts."""
     count = {
-        outcome: sum(row.outcome == outcome for row in rows) for outcome in ("right", "refused", "wrong")
+        outcome: sum(result.outcome == outcome for result in results)
+        for outcome in ("right", "refused", "wrong")
     }
-    exact = [row for row in rows if row.case.accuracy is not None and math.isfinite(row.error)]
-    within = sum(row.error <= (row.case.accuracy or 0.0) for row in exact)
+    exact = [result for result in results if result.case.accuracy is not None and math.isfinite(result.error)]
+    within = sum(result.error <= (result.case.accuracy or 0.0) for result in exact)
     return (
-        f"{len(rows)} cases: {count['right']} right, {count['refused']} stopped with a reason, {count['wrong']} wrong; "
-        f"{within} of {len(exact)} compared ones within the asked accuracy itself."
+        f"{len(results)} cases: {count['right']} right, {count['refused']} stopped with a reason, "
+        f"{count['wrong']} wrong; {within} of {len(exact)} compared ones within the asked accuracy itself."
     )
 
 
-def as_markdown(rows: Sequence[Row], *, machine: dict[str, str], command: str) -> str:
+def write_page(results: Sequence[CaseResult], folder: Path, *, machine: dict[str, str], command: str) -> Path:
+    """Write hard_cases.md into a folder and return its path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "hard_cases.md"
+    path.write_text(as_markdown(results, machine=machine, command=command), encoding="utf-8")
+    return path
+
+
+def as_markdown(results: Sequence[CaseResult], *, machine: dict[str, str], command: str) -> str:
     """Return the whole page."""
-    by_name = {row.case.name: row for row in rows}
-    lines = [
+    by_name = {result.case.name: result for result in results}
+    parts = [
         "# Hard cases",
-        "",
-        f"Written by `{command}`. {summary(rows)}",
-        "",
-        "Each case is a scene as data in `ldcs_ros/study/hard/`, with what counts as right. *Worst error*: the largest "
-        "distance of any node at any of 40 times from the same scene at a hundredth of the asked accuracy, or from the "
-        "rest state that the static solver finds, or between cycles, or the motion of a sheet that should lie still. "
-        f"It may be {PROMISE:g} times the asked accuracy: what an asked accuracy promises is that error nearly always, "
-        "and never more than that. *Energy audit*: the largest residual of kinetic + elastic + gravity + dissipated "
-        "energy - work of inputs and drives, as a share of the energy moved; "
-        f"it may be {AUDIT_SHARE:g} times the asked accuracy over the sheet's length. "
+        f"Written by `{command}`. {summary(results)}",
+        "Each case is a scene as data in `ldcs_ros/study/hard/` with its check. *Worst error*: the largest distance of "
+        "any node at any of 40 times from the same scene at a hundredth of the asked accuracy, or from the equilibrium "
+        "that the static solver finds, or between cycles, or the motion of a sheet at rest. "
+        f"Its limit is {MAX_FACTOR:g} times the asked accuracy. *Energy audit*: the largest residual of kinetic + "
+        "elastic + gravity + dissipated energy - work of inputs and drives, over the energy moved; "
+        f"its limit is {AUDIT_FACTOR:g} times the asked accuracy over the sheet's length. "
         "*Rejected* steps were taken again, shorter. Times are from one run on a shared machine: "
         + ", ".join(f"{name} {value}" for name, value in machine.items())
         + ".",
@@ -82,16 +90,14 @@ def as_markdown(rows: Sequence[Row], *, machine: dict[str, str], command: str) -
         shown = [by_name[case.name] for case in cases if case.name in by_name]
         if not shown:
             continue
-        lines += ["", f"## {chapter}", "", "| " + " | ".join(COLUMNS) + " |", "|---|---|---|" + "---:|" * 5]
-        lines += ["| " + " | ".join(cells(row)) + " |" for row in shown]
+        parts += [f"## {chapter}", markdown_table(COLUMNS, map(cells, shown))]
         remarks: dict[str, list[str]] = {}
-        for row in shown:
-            for remark in (row.case.reason, row.note):
-                if remark:
-                    remarks.setdefault(remark, []).append(row.case.name)
-        lines += [""] if remarks else []
-        lines += [f"- {'; '.join(names)}: {remark}." for remark, names in remarks.items()]
-    return "\n".join(lines) + "\n"
+        for result in shown:
+            for remark in filter(None, (result.case.reason, result.note)):
+                remarks.setdefault(remark, []).append(result.case.name)
+        if remarks:
+            parts.append("\n".join(f"- {'; '.join(names)}: {remark}." for remark, names in remarks.items()))
+    return "\n\n".join(parts) + "\n"
 
 
 def _number(value: float, style: str) -> str:

@@ -1,10 +1,14 @@
-"""The scenes that hard cases are made of, as plain dicts, and the one way to change them."""
+"""Scenes of the hard cases as plain dicts, the one way to change them, and invalid shapes to start from."""
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.schema.paths import with_values
 
 Content = dict[str, Any]
@@ -67,3 +71,75 @@ def changed(scene: Content, values: Content | None = None, *, add: tuple[Content
     result = with_values(scene, values or {})
     result["effects"] += copy.deepcopy(list(add))
     return result
+
+
+def inverted(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with top and bottom exchanged; shape (n_nodes, 3) [m], as all starts."""
+    return lattice.rest_position * [1.0, 1.0, -1.0]
+
+
+def turned_over(lattice: Lattice) -> np.ndarray:
+    """Return the sheet after half a turn about the x axis."""
+    return lattice.rest_position * [1.0, -1.0, -1.0]
+
+
+def crumpled(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with each coordinate moved by up to half a spacing at random."""
+    random = np.random.default_rng(4)
+    reach = 0.5 * np.array([*lattice.spacing, min(lattice.spacing)])
+    return lattice.rest_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
+
+
+def ruffled(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with each coordinate moved by up to a tenth of its spacing at random."""
+    random = np.random.default_rng(5)
+    reach = 0.1 * np.array([*lattice.spacing, lattice.size[2]])
+    return lattice.rest_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
+
+
+def two_coincident(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with two neighbours of the top layer at one place."""
+    position = lattice.rest_position.copy()
+    nx, ny = lattice.nodes
+    position[lattice.node("top", nx // 2, ny // 2)] = position[lattice.node("top", nx // 2 - 1, ny // 2)]
+    return position
+
+
+def in_plane(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with all nodes in the plane z = 0, each on its partner of the other layer."""
+    return lattice.rest_position * [1.0, 1.0, 0.0]
+
+
+def on_line(lattice: Lattice) -> np.ndarray:
+    """Return the sheet with all nodes on the x axis."""
+    return lattice.rest_position * [1.0, 0.0, 0.0]
+
+
+def in_one_point(lattice: Lattice) -> np.ndarray:
+    """Return all nodes in one point."""
+    return np.tile([0.5 * lattice.size[0], 0.0, 0.0], (lattice.n_nodes, 1))
+
+
+def rolled_up(lattice: Lattice) -> np.ndarray:
+    """Return the sheet rolled one and a half times around the y axis, at its own length."""
+    x, y, z = lattice.rest_position.T
+    kappa = 3.0 * np.pi / lattice.size[0]
+    return np.stack(
+        [(1 / kappa - z) * np.sin(kappa * x), y, 1 / kappa - (1 / kappa - z) * np.cos(kappa * x)], 1
+    )
+
+
+STARTS: dict[str, Callable[[Lattice], np.ndarray]] = {
+    start.__name__: start
+    for start in (
+        inverted,
+        turned_over,
+        crumpled,
+        ruffled,
+        two_coincident,
+        in_plane,
+        on_line,
+        in_one_point,
+        rolled_up,
+    )
+}

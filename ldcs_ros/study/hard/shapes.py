@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ldcs_ros.study.hard.case import HardCase, Reference, Rest
-from ldcs_ros.study.hard.scenes import ARC, ARMS, HANGING, Content, changed
-from ldcs_ros.study.hard.starts import STARTS
+from ldcs_ros.study.hard.case import HardCase, nearest_rest_error, rest_error
+from ldcs_ros.study.hard.scenes import ARC, ARMS, HANGING, STARTS, Content, changed
 
 # The slowest motion of the hanging sheet, a swing with little stretch, decays by half a digit a second.
 UNTIL_REST = 30.0
@@ -24,12 +23,11 @@ def _wound(degrees: float) -> list[HardCase]:
         {**ARMS, "inputs": []}, {"effects.arms.drive": "curvature", "effects.arms.curvature": kappa}
     )
     return [
-        HardCase(f"edges wound through {degrees:g} degrees", driven, 2.0, Reference(), fast=degrees == 360),
+        HardCase(f"edges wound through {degrees:g} degrees", driven, 2.0, fast=degrees == 360),
         HardCase(
             f"arms wound through {degrees:g} degrees",
             curved,
             duration=2.0,
-            right=Reference(),
             reason="an error of 1e-5 m in couplings 100 times as stiff as the sheet is 100 times the energy",
             audit=5e-3,
         ),
@@ -42,7 +40,8 @@ def _recovers(start: str, law: str, scene: Content) -> HardCase:
         f"started {start.replace('_', ' ')}, {law}",
         changed(scene, {"effects.springs.law": law}),
         duration=UNTIL_REST,
-        right=Rest(AT_REST, "scene" if own else "nearest"),
+        check=rest_error if own else nearest_rest_error,
+        limit=AT_REST,
         reason="" if own else MIRRORED,
         start=start,
         fast=law == "axial" and start in ("crumpled", "on_line", "two_coincident"),
@@ -61,10 +60,18 @@ SHAPE_CASES = (
     *_wound(180),
     *_wound(360),
     *_wound(-360),
-    HardCase("pressed flat on the floor by 50 g", PRESSED, 1.0, Reference(), fast=True),
+    HardCase("pressed flat on the floor by 50 g", PRESSED, 1.0, fast=True),
     *(_recovers(start, law, HANGING) for start in STARTS for law in ("axial", "axiswise", "corotational")),
-    HardCase("arms and sheet crumpled", ARMS, UNTIL_REST, Rest(AT_REST, "nearest"), MIRRORED, "crumpled"),
     HardCase(
-        "arms straight, sheet on a line", ARMS, UNTIL_REST, Rest(AT_REST, "nearest"), MIRRORED, "on_line"
+        "arms and sheet crumpled", ARMS, UNTIL_REST, MIRRORED, nearest_rest_error, AT_REST, start="crumpled"
+    ),
+    HardCase(
+        "arms straight, sheet on a line",
+        ARMS,
+        UNTIL_REST,
+        MIRRORED,
+        nearest_rest_error,
+        AT_REST,
+        start="on_line",
     ),
 )
