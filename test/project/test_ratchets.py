@@ -15,8 +15,8 @@ TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PATHS}
 # The numbers reached; lower them with the code, never raise them.
 MAX_ANY = 312
 MAX_PRIVATE_ACCESS = 13
-MAX_CLASSES_OF_ONE_NAME = 8
-MAX_OLD_NAMES = 85
+MAX_CLASSES_OF_ONE_NAME = 4
+MAX_OLD_NAMES = 70
 MAX_UNTYPED_CENTRAL = 1
 
 # Public in spite of their underscore: those of named tuples, and the exit without clean-up.
