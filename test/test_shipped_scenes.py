@@ -12,7 +12,9 @@ MM = 1e-3
 
 def displacement(simulation, name):
     point = simulation.points[name]
-    return (point.position(simulation.state.position) - point.position(simulation.lattice.rest_position)) / MM
+    return (
+        point.position(simulation.state.position) - point.position(simulation.lattice.reference_position)
+    ) / MM
 
 
 def arm_radius(simulation):

@@ -31,7 +31,7 @@ def main() -> None:
     scene = load_scene("paper_calibrated")
     simulation = scene.build()
     simulation.settle()
-    position, rest = simulation.state.position, scene.lattice.rest_position
+    position, rest = simulation.state.position, scene.lattice.reference_position
     places = {name: scene.points[name].position(position) for name in paper.POINTS}
     moved = {name: MM * (places[name] - scene.points[name].position(rest)) for name in paper.POINTS}
     figure = new_figure(WIDTH, HEIGHT)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ldcs_ros import load_scene
 from ldcs_ros.physics.effects import EFFECTS
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.schema.fields import REQUIRED, place, quantity
+from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,14 +25,14 @@ class Tether(Effect):
     """
 
     name: ClassVar[str] = "tether"
-    at: Any = place(REQUIRED, "the point that is held")
+    at: Location = location(REQUIRED, "the point that is held")
     stiffness: float = quantity(100.0, "N/m", "stiffness of the tether", low=0.0, high=1e6)
     damping: float = quantity(4.0, "N s/m", "damping of the tether", low=0.0, high=1e4)
 
     def bind(self, assembly: Assembly) -> Term:
         """Return one spring to each node that the point averages."""
         nodes = assembly.point(self.at).nodes
-        anchor = assembly.lattice.rest_position[nodes].ravel()
+        anchor = assembly.lattice.reference_position[nodes].ravel()
         return TetherTerm(
             coordinates(nodes).ravel(), anchor, self.stiffness / len(nodes), self.damping / len(nodes)
         )
@@ -45,17 +46,19 @@ class TetherTerm(Term):
     def __init__(self, where: np.ndarray, anchor: np.ndarray, stiffness: float, damping: float) -> None:
         self.where, self.anchor, self.stiffness, self.damping = where, anchor, stiffness, damping
 
-    def add_force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: Any, force: np.ndarray) -> None:
+    def add_force(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
+    ) -> None:
         force[self.where] -= self.stiffness * (q[self.where] - self.anchor) + self.damping * u[self.where]
 
     def energy(self, time: float, q: np.ndarray) -> float:
         return float(0.5 * self.stiffness * np.sum((q[self.where] - self.anchor) ** 2))
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         return self.where, self.where
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: Any, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         ones = np.ones(len(self.where))
         return -self.stiffness * ones, -self.damping * ones

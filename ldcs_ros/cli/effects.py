@@ -78,9 +78,9 @@ def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
         "low": meta.get("low"),
         "high": meta.get("high"),
         "options": list(options) if options else None,
-        "place": bool(meta.get("place", False)),
+        "place": "location" in meta,
         "help": meta.get("help", ""),
-        "origin": meta.get("origin", ""),
+        "origin": meta.get("source", ""),
     }
 
 

@@ -162,7 +162,7 @@ def _report(
 ) -> dict[str, Any]:
     simulation, scene = twin.simulation, twin.scene
     statistics = simulation.statistics
-    rest = simulation.lattice.rest_position
+    rest = simulation.lattice.reference_position
     moved = {
         name: 1e3 * (point.position(simulation.state.position) - point.position(rest))
         for name, point in simulation.points.items()

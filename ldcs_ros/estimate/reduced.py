@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from ldcs_ros.estimate.basis import equilibria, main_directions
-from ldcs_ros.physics.inputs import HeldCommands, Valve
+from ldcs_ros.physics.inputs import ChamberPressure, HeldCommands
 from ldcs_ros.physics.model import Model
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
@@ -116,7 +116,7 @@ class ReducedModel:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return d(force)/da, d(force)/dv, each (n, n), and d(force)/dtheta, shape (n, 3)."""
         q, u = self.coordinates(a), v @ self._directions
-        values = self.model.jacobian(0.0, q, u, self._held(theta[0] * pressure), definite=False)
+        values = self.model.jacobian(0.0, q, u, self._held(theta[0] * pressure), positive_definite=False)
         by_a, by_v = (self._project(value) for value in values)
         by_theta = np.stack([self.drive @ pressure, self._weight, self._elastic(q)], axis=1)
         return by_a, by_v, by_theta
@@ -167,7 +167,7 @@ class ReducedModel:
 
     def _lay_out(self) -> None:
         # The pattern of the Jacobian never changes: sort it once.
-        rows, columns = self.model.entries
+        rows, columns = self.model.jacobian_pattern
         self._used = np.flatnonzero((rows >= 0) & (columns >= 0))
         size = len(self.model.free)
         place, self._slot = np.unique(rows[self._used] * size + columns[self._used], return_inverse=True)
@@ -177,5 +177,5 @@ class ReducedModel:
 
     def _held(self, pressure: np.ndarray) -> HeldCommands:
         fill, vent = self._times
-        valves = tuple(Valve(0.0, float(p), float(p), fill, vent) for p in pressure)
-        return HeldCommands(valves=valves)
+        valves = tuple(ChamberPressure(0.0, float(p), float(p), fill, vent) for p in pressure)
+        return HeldCommands(chambers=valves)

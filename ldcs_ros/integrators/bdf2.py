@@ -203,7 +203,7 @@ class Bdf2(Esdirk43):
         ):
             self.counters.factorisations += 1
             try:
-                kept = system.factor(*where, turning=True)
+                kept = system.factor(*where, corotated=True)
             except np.linalg.LinAlgError as error:
                 raise StepFailure(str(error)) from error
             self._kept_rate = UNKNOWN_RATE

@@ -119,8 +119,8 @@ class Exponential(Integrator):
 
     def _modes(self, motion: Motion, inputs: HeldCommands) -> list[Axis]:
         model, n = self.model, len(self.model.free)
-        values = model.jacobian(motion.time, motion.q, motion.u, inputs, definite=False)
-        rows, columns = model.entries
+        values = model.jacobian(motion.time, motion.q, motion.u, inputs, positive_definite=False)
+        rows, columns = model.jacobian_pattern
         used = (rows >= 0) & (columns >= 0)
         axes: list[Axis] = []
         for direction in range(3):

@@ -41,8 +41,8 @@ class FirstOrder:
     def jacobian(self, time: float, y: np.ndarray) -> Any:
         """Return dF/dy as a sparse matrix; the mass matrix counts as constant."""
         q, u = self.place(time, y)
-        values = self.model.jacobian(time, q, u, self.inputs, definite=False)
-        rows, columns = self.model.entries
+        values = self.model.jacobian(time, q, u, self.inputs, positive_definite=False)
+        rows, columns = self.model.jacobian_pattern
         used = (rows >= 0) & (columns >= 0)
         shape, inverse = (self._n, self._n), self._inverse_mass(q)
         blocks = [

@@ -133,8 +133,8 @@ class RosenbrockW(Integrator):
             factors = self._system.factor(*where, g)
         except np.linalg.LinAlgError as cause:
             raise StepFailure(str(cause)) from cause
-        _, by_rate = self.model.jacobian(*where, definite=False)
-        rows, columns = self.model.entries
+        _, by_rate = self.model.jacobian(*where, positive_definite=False)
+        rows, columns = self.model.jacobian_pattern
         used, n = (rows >= 0) & (columns >= 0), len(self.model.free)
         matrix = sparse.coo_matrix((by_rate[used], (rows[used], columns[used])), shape=(n, n)).tocsr()
         self._kept = Kept(factors, 0.5 * (matrix + matrix.T).tocsr(), motion.q, 1, motion.time)

@@ -1,9 +1,9 @@
-"""Kernels of the arms: chain dynamics in absolute link angles, joints, and the coupling of crosspieces to the sheet.
+"""Kernels of the arms: chain dynamics in absolute link angles, joints, and the coupling of ribs to the sheet.
 
 A chain of n links of equal mass and of lengths l_i in a plane y = const; phi_i is the angle of link i against
 x, positive towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
 
-    p_s = p_0 + sum_{k<=s} l_k e(phi_k)                                station s at the end of link s
+    p_s = p_0 + sum_{k<=s} l_k e(phi_k)                                joint station s, the end of link s
     M_ij = m l_i l_j w_ij cos(phi_i - phi_j) + I d_ij                  w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
     sum_j M_ij phi_j'' = Q_i - sum_j m l_i l_j w_ij sin(phi_i - phi_j) phi_j'^2
 
@@ -59,14 +59,14 @@ def add_chain_force(phi, rate, mass, length, gravity, stiffness, damping, torque
 
 @compiled
 def fill_chain_jacobian(  # type: ignore[no-untyped-def]
-    phi, rate, mass, length, gravity, stiffness, damping, definite, by_angle, by_rate
+    phi, rate, mass, length, gravity, stiffness, damping, positive_definite, by_angle, by_rate
 ):
     """Add d(chain force)/d(phi) and /d(rate), shape (n_arms, n, n)."""
     n_arms, n = phi.shape
     for arm in range(n_arms):
         for i in range(n):
             sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
-            if not definite:
+            if not positive_definite:
                 slope = -mass * length[i] * (n - i - 0.5) * (gravity[2] * sine + gravity[0] * cosine)
                 by_angle[arm, i, i] += slope
                 for j in range(n):
@@ -85,24 +85,24 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def crosspiece_end(phi, rate, base, length, station, turn, offset, place, speed, slope):  # type: ignore[no-untyped-def]
-    """Write place (x, z) [m], speed (x, z) [m/s] of a crosspiece's end and slope = d(place)/d(phi), shape (n, 2).
+def rib_end(phi, rate, base, length, station, rib_weight, offset, place, speed, slope):  # type: ignore[no-untyped-def]
+    """Write place (x, z) [m], speed (x, z) [m/s] of a rib's end and slope = d(place)/d(phi), shape (n, 2).
 
-    turn holds the share of each link angle in the crosspiece's own angle, shape (n,); offset is the end's
+    rib_weight holds the weight of each link angle in the rib's own angle, shape (n,); offset is the end's
     signed distance from the backbone [m]. base is where the first link begins (x, z) [m]; station 0 stays
-    above x = 0, where the sheet begins. Returns the crosspiece's angle [rad].
+    above x = 0, where the sheet begins. Returns the rib's angle [rad].
     """
     n = phi.size
     angle = 0.0
     for k in range(n):
-        angle += turn[k] * phi[k]
+        angle += rib_weight[k] * phi[k]
     place[0], place[1] = -offset * np.sin(angle), base[1] + offset * np.cos(angle)
     if station > 0:
         place[0] += base[0]
     speed[0], speed[1] = 0.0, 0.0
     for k in range(n):
-        slope[k, 0] = -offset * turn[k] * np.cos(angle)
-        slope[k, 1] = -offset * turn[k] * np.sin(angle)
+        slope[k, 0] = -offset * rib_weight[k] * np.cos(angle)
+        slope[k, 1] = -offset * rib_weight[k] * np.sin(angle)
         if k < station:
             place[0] += length[k] * np.cos(phi[k])
             place[1] += length[k] * np.sin(phi[k])
@@ -114,8 +114,8 @@ def crosspiece_end(phi, rate, base, length, station, turn, offset, place, speed,
 
 
 @compiled
-def _stations(phi, rate, base, length, turn, place, speed, normal, normal_speed, along):  # type: ignore[no-untyped-def]
-    # Backbone points and crosspiece directions of one arm, in (x, z), with their rates; along = l (-sin, cos) a link.
+def _stations(phi, rate, base, length, rib_weight, place, speed, normal, normal_speed, along):  # type: ignore[no-untyped-def]
+    # Backbone points and rib directions of one arm, in (x, z), with their rates; along = l (-sin, cos) a link.
     n = phi.size
     for k in range(n):
         along[k, 0], along[k, 1] = -length[k] * np.sin(phi[k]), length[k] * np.cos(phi[k])
@@ -131,8 +131,8 @@ def _stations(phi, rate, base, length, turn, place, speed, normal, normal_speed,
         speed[s, 0], speed[s, 1] = speed_x, speed_z
         angle = spin = 0.0
         for k in range(n):
-            angle += turn[s, k] * phi[k]
-            spin += turn[s, k] * rate[k]
+            angle += rib_weight[s, k] * phi[k]
+            spin += rib_weight[s, k] * rate[k]
         normal[s, 0], normal[s, 1] = -np.sin(angle), np.cos(angle)
         normal_speed[s, 0], normal_speed[s, 1] = -spin * normal[s, 1], spin * normal[s, 0]
 
@@ -151,7 +151,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
     row_y,
     nodes,
     weight,
-    turn,
+    rib_weight,
     stiffness,
     damping,
     force,
@@ -159,7 +159,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
 ):
     """Add the coupling springs' force on the sheet's nodes (flat `force`) and on the links (`torque`).
 
-    Coupling c joins the end of a crosspiece (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c, m]].
+    Coupling c joins the end of a rib (arm, station, offset) to the point sum_m weight[c, m] x[nodes[c, m]].
     """
     n_arms, n = phi.shape
     place, speed = np.empty((n_arms, n + 1, 2)), np.empty((n_arms, n + 1, 2))
@@ -167,9 +167,18 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
     along = np.empty((n_arms, n, 2))
     for k in range(n_arms):
         _stations(
-            phi[k], rate[k], base, length, turn, place[k], speed[k], normal[k], normal_speed[k], along[k]
+            phi[k],
+            rate[k],
+            base,
+            length,
+            rib_weight,
+            place[k],
+            speed[k],
+            normal[k],
+            normal_speed[k],
+            along[k],
         )
-    # What each station takes up: a force on the backbone, a moment on its crosspiece.
+    # Each joint station takes up a force on the backbone and a moment on its rib.
     pull, moment = np.zeros((n_arms, n + 1, 2)), np.zeros((n_arms, n + 1))
     for c in range(arm.size):
         side, s = arm[c], station[c]
@@ -196,7 +205,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
         carried_x = carried_z = 0.0
         for s in range(n, -1, -1):
             for k in range(n):
-                torque[side, k] += turn[s, k] * moment[side, s]
+                torque[side, k] += rib_weight[s, k] * moment[side, s]
             if s > 0:
                 carried_x += pull[side, s, 0]
                 carried_z += pull[side, s, 1]
@@ -217,10 +226,10 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
     row_y,
     nodes,
     weight,
-    turn,
+    rib_weight,
     stiffness,
     damping,
-    definite,
+    positive_definite,
     node_node,
     node_angle,
     angle_node,
@@ -237,11 +246,11 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
     """
     n = phi.shape[1]
     place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
-    turning = np.zeros((n, 2))  # d(speed)/d(phi)
+    speed_slope = np.zeros((n, 2))  # d(speed)/d(phi)
     for c in range(arm.size):
         side, s = arm[c], station[c]
-        share = turn[s]
-        angle = crosspiece_end(phi[side], rate[side], base, length, s, share, offset[c], place, speed, slope)
+        rib = rib_weight[s]
+        angle = rib_end(phi[side], rate[side], base, length, s, rib, offset[c], place, speed, slope)
         f = np.empty(2)
         for axis in range(2):
             f[axis] = -stiffness * place[axis] - damping * speed[axis]
@@ -250,16 +259,16 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
                 f[axis] += weight[c, m] * (stiffness * q[i] + damping * u[i])
         angle_speed = 0.0
         for k in range(n):
-            angle_speed += share[k] * rate[side, k]
+            angle_speed += rib[k] * rate[side, k]
         curl_x, curl_z = offset[c] * np.sin(angle), -offset[c] * np.cos(angle)
         for k in range(n):
-            turning[k, 0] = share[k] * angle_speed * curl_x
-            turning[k, 1] = share[k] * angle_speed * curl_z
+            speed_slope[k, 0] = rib[k] * angle_speed * curl_x
+            speed_slope[k, 1] = rib[k] * angle_speed * curl_z
             if k < s:
-                turning[k, 0] -= length[k] * np.cos(phi[side, k]) * rate[side, k]
-                turning[k, 1] -= length[k] * np.sin(phi[side, k]) * rate[side, k]
-            if definite:
-                turning[k, 0] = turning[k, 1] = 0.0
+                speed_slope[k, 0] -= length[k] * np.cos(phi[side, k]) * rate[side, k]
+                speed_slope[k, 1] -= length[k] * np.sin(phi[side, k]) * rate[side, k]
+            if positive_definite:
+                speed_slope[k, 0] = speed_slope[k, 1] = 0.0
         for m in range(2):
             for p in range(2):
                 for axis in range(3):
@@ -268,7 +277,7 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
             for axis in range(2):
                 for k in range(n):
                     node_angle[c, m, axis, k] = weight[c, m] * (
-                        stiffness * slope[k, axis] + damping * turning[k, axis]
+                        stiffness * slope[k, axis] + damping * speed_slope[k, axis]
                     )
                     node_angle_rate[c, m, axis, k] = weight[c, m] * damping * slope[k, axis]
                     angle_node[c, m, axis, k] = weight[c, m] * stiffness * slope[k, axis]
@@ -277,10 +286,10 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
             for j in range(n):
                 stiff = damp = 0.0
                 for axis in range(2):
-                    stiff -= slope[k, axis] * (stiffness * slope[j, axis] + damping * turning[j, axis])
+                    stiff -= slope[k, axis] * (stiffness * slope[j, axis] + damping * speed_slope[j, axis])
                     damp -= damping * slope[k, axis] * slope[j, axis]
-                if not definite:
-                    stiff += share[k] * share[j] * (curl_x * f[0] + curl_z * f[1])
+                if not positive_definite:
+                    stiff += rib[k] * rib[j] * (curl_x * f[0] + curl_z * f[1])
                     if k == j and k < s:
                         stiff -= length[k] * (np.cos(phi[side, k]) * f[0] + np.sin(phi[side, k]) * f[1])
                 angle_angle[c, k, j] = stiff

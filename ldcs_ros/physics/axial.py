@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 
-# Below this share of its rest length a spring has lost its direction; its rest axis takes over, so that
+# Below this fraction of its rest length a spring has lost its direction; its rest axis takes over, so that
 # coincident nodes are pushed apart and nothing is divided by zero.
 LOST_LENGTH = 1e-9
 
@@ -37,7 +37,7 @@ def _add_force_loop(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: i
 
 @compiled
 def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
-    q, u, a, b, rest_length, rest_axis, k, c, definite, turning, n_nodes, by_position, by_rate
+    q, u, a, b, rest_length, rest_axis, k, c, positive_definite, corotated, n_nodes, by_position, by_rate
 ):
     n_springs = a.size
     n, rate, across = np.empty(3), np.empty(3), np.empty(3)
@@ -55,16 +55,16 @@ def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
             n[r] = rest_axis[s, r] if lost else n[r] / length
             stretch_rate += n[r] * rate[r]
         tension = k[s] * (length - rest_length[s]) + c[s] * stretch_rate
-        pull = 0.0 if lost or turning else tension / length
-        turning_damper = 0.0 if lost or definite or turning else c[s] / length
-        if definite:
+        pull = 0.0 if lost or corotated else tension / length
+        rotary_damper = 0.0 if lost or positive_definite or corotated else c[s] / length
+        if positive_definite:
             pull = max(pull, 0.0)
         for r in range(3):
             across[r] = rate[r] - stretch_rate * n[r]
         for r in range(3):
             for t in range(3):
                 square_n = n[r] * n[t]
-                stiff = k[s] * square_n - pull * square_n + turning_damper * n[r] * across[t]
+                stiff = k[s] * square_n - pull * square_n + rotary_damper * n[r] * across[t]
                 if r == t:
                     stiff += pull
                 damp = c[s] * square_n
@@ -100,23 +100,23 @@ def _add_force_whole(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: 
 
 
 def _fill_jacobian_whole(  # type: ignore[no-untyped-def]
-    q, u, a, b, rest_length, rest_axis, k, c, definite, turning, n_nodes, by_position, by_rate
+    q, u, a, b, rest_length, rest_axis, k, c, positive_definite, corotated, n_nodes, by_position, by_rate
 ):
     n, length, lost = _axes(q, a, b, rest_length, rest_axis)
     v = u[: 3 * n_nodes].reshape(-1, 3)
     rate = v[b] - v[a]
     stretch_rate = np.einsum("ij,ij->i", n, rate)
     safe = np.where(lost, 1.0, length)
-    pull = np.where(lost | turning, 0.0, (k * (length - rest_length) + c * stretch_rate) / safe)
-    turning_damper = np.where(lost | definite | turning, 0.0, c / safe)
-    if definite:
+    pull = np.where(lost | corotated, 0.0, (k * (length - rest_length) + c * stretch_rate) / safe)
+    rotary_damper = np.where(lost | positive_definite | corotated, 0.0, c / safe)
+    if positive_definite:
         pull = np.maximum(pull, 0.0)
     along = n[:, :, None] * n[:, None, :]
     across = rate - stretch_rate[:, None] * n
     stiff = (
         (k - pull)[:, None, None] * along
         + pull[:, None, None] * np.eye(3)
-        + turning_damper[:, None, None] * n[:, :, None] * across[:, None, :]
+        + rotary_damper[:, None, None] * n[:, :, None] * across[:, None, :]
     )
     for values, block in ((by_position, stiff), (by_rate, c[:, None, None] * along)):
         values[n_nodes : n_nodes + len(a)] = block

@@ -61,23 +61,23 @@ def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def turned_vectors(turns, values, back):  # type: ignore[no-untyped-def]
-    """Return turns[k] v_k (or with `back` its transpose) for every k, shapes (n, 3, 3) and (3 n,)."""
+def rotated_vectors(rotation, values, back):  # type: ignore[no-untyped-def]
+    """Return rotation[k] v_k (or with `back` its transpose) for every k, shapes (n, 3, 3) and (3 n,)."""
     out = np.empty(values.size)
-    for k in range(len(turns)):
+    for k in range(len(rotation)):
         for r in range(3):
             total = 0.0
             for t in range(3):
-                total += (turns[k, t, r] if back else turns[k, r, t]) * values[3 * k + t]
+                total += (rotation[k, t, r] if back else rotation[k, r, t]) * values[3 * k + t]
             out[3 * k + r] = total
     return out
 
 
 @compiled
-def fill_turns(now, then, columns, turns):  # type: ignore[no-untyped-def]
+def fill_rotations(now, then, columns, rotation):  # type: ignore[no-untyped-def]
     """Write the rotation from frames `then` to frames `now` for each of the columns, shape (n, 3, 3)."""
     for k in range(columns.size):
         a, b = now[columns[k]], then[columns[k]]
         for r in range(3):
             for t in range(3):
-                turns[k, r, t] = a[r, 0] * b[t, 0] + a[r, 1] * b[t, 1] + a[r, 2] * b[t, 2]
+                rotation[k, r, t] = a[r, 0] * b[t, 0] + a[r, 1] * b[t, 1] + a[r, 2] * b[t, 2]

@@ -69,20 +69,20 @@ def _add_force(x, v, start, member, d, k, c, force):  # type: ignore[no-untyped-
     r, rate = np.empty(d.shape), np.empty(d.shape)
     _stretch(x, v, start, member, r, rate)
     rotation, moment, spin = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    turning = np.empty(3)
+    spin_rate = np.empty(3)
     for i in range(start.size - 1):
         first, last = start[i], start[i + 1]
         _fit(r, d, k, first, last, rotation)
         _spin(r, rate, c, first, last, moment, spin)
         for s in range(first, last):
-            turning[0] = spin[1] * r[s, 2] - spin[2] * r[s, 1]
-            turning[1] = spin[2] * r[s, 0] - spin[0] * r[s, 2]
-            turning[2] = spin[0] * r[s, 1] - spin[1] * r[s, 0]
+            spin_rate[0] = spin[1] * r[s, 2] - spin[2] * r[s, 1]
+            spin_rate[1] = spin[2] * r[s, 0] - spin[0] * r[s, 2]
+            spin_rate[2] = spin[0] * r[s, 1] - spin[1] * r[s, 0]
             for axis in range(3):
                 rotated = (
                     rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
                 )
-                pull = 0.5 * k[s] * (r[s, axis] - rotated) + 0.5 * c[s] * (rate[s, axis] - turning[axis])
+                pull = 0.5 * k[s] * (r[s, axis] - rotated) + 0.5 * c[s] * (rate[s, axis] - spin_rate[axis])
                 force[3 * i + axis] += pull
                 force[3 * member[s] + axis] -= pull
 
@@ -106,7 +106,7 @@ def _energy(x, start, member, d, k):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_position, by_rate):  # type: ignore[no-untyped-def]
+def _fill_jacobian(x, v, start, member, d, k, c, positive_definite, slot, slot_start, by_position, by_rate):  # type: ignore[no-untyped-def]
     r, rate = np.empty(d.shape), np.empty(d.shape)
     _stretch(x, v, start, member, r, rate)
     rotation, moment, spin = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -128,18 +128,18 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
                 p[axis] = (
                     rotation[axis, 0] * d[s, 0] + rotation[axis, 1] * d[s, 1] + rotation[axis, 2] * d[s, 2]
                 )
-                dot += p[axis] * (p[axis] if definite else r[s, axis])
+                dot += p[axis] * (p[axis] if positive_definite else r[s, axis])
                 spin_dot += spin[axis] * r[s, axis]
             for a in range(3):
                 g[a, a] += half_k * dot
                 for b in range(3):
-                    if definite:
+                    if positive_definite:
                         g[a, b] -= half_k * p[a] * p[b]
                     else:
                         g[a, b] -= 0.5 * half_k * (r[s, a] * p[b] + p[a] * r[s, b])
             fill_cross(p, half_k, arm[m])
             fill_cross(r[s], half_c, lever[m])
-            if not definite:
+            if not positive_definite:
                 fill_cross(rate[s], -half_c, twist[m])
                 for a in range(3):
                     twist[m, a, a] += half_c * spin_dot
@@ -160,7 +160,7 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
                         for e in range(3):
                             soften += left_arm[a, e] * arm[o, b, e]
                             damp += left_lever[a, e] * lever[o, b, e]
-                            if not definite:
+                            if not positive_definite:
                                 soften -= left_lever[a, e] * twist[o, e, b]
                         by_position[place, a, b] += soften
                         by_rate[place, a, b] += damp
@@ -171,7 +171,7 @@ def _fill_jacobian(x, v, start, member, d, k, c, definite, slot, slot_start, by_
                 for b in range(3):
                     stiff = half_k if a == b else 0.0
                     damp = half_c if a == b else 0.0
-                    if not definite:
+                    if not positive_definite:
                         stiff -= half_c * cross_spin[a, b]
                     for row, column, sign in (
                         (m, m, -1.0),
@@ -187,7 +187,7 @@ class CorotationalTerm(Term):
     """Stars of all nodes in compressed rows: star i has the springs start[i] ... start[i + 1]."""
 
     name = "springs"
-    turns = True
+    corotational = True
 
     def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
         self.n = lattice.n_nodes
@@ -195,7 +195,7 @@ class CorotationalTerm(Term):
         ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
         self.member = np.ascontiguousarray(ends[:, 1])
         self.start = np.searchsorted(ends[:, 0], np.arange(self.n + 1))
-        self.rest = lattice.rest_position[self.member] - lattice.rest_position[ends[:, 0]]
+        self.rest = lattice.reference_position[self.member] - lattice.reference_position[ends[:, 0]]
         self.k, self.c = np.full(len(ends), stiffness), np.full(len(ends), damping)
         self._place_blocks()
 
@@ -220,7 +220,7 @@ class CorotationalTerm(Term):
     def energy(self, time: float, q: np.ndarray) -> float:
         return float(_energy(self._nodes(q), self.start, self.member, self.rest, self.k))
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         axes = np.arange(3)
         rows, columns = np.broadcast_arrays(
             3 * self.pairs[:, 0, None, None] + axes[:, None], 3 * self.pairs[:, 1, None, None] + axes
@@ -228,7 +228,7 @@ class CorotationalTerm(Term):
         return rows.ravel(), columns.ravel()
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         by_position, by_rate = np.zeros((len(self.pairs), 3, 3)), np.zeros((len(self.pairs), 3, 3))
         _fill_jacobian(
@@ -239,7 +239,7 @@ class CorotationalTerm(Term):
             self.rest,
             self.k,
             self.c,
-            definite,
+            positive_definite,
             self.slot,
             self.slot_start,
             by_position,

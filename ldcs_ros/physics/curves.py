@@ -7,10 +7,10 @@ import numpy as np
 from ldcs_ros.physics.compiled import compiled
 
 
-def smoothstep(share: float) -> tuple[float, float]:
+def smoothstep(fraction: float) -> tuple[float, float]:
     """Return s = 3 u^2 - 2 u^3 and ds/du for u limited to 0 ... 1."""
-    share = min(max(share, 0.0), 1.0)
-    return share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share)
+    fraction = min(max(fraction, 0.0), 1.0)
+    return fraction * fraction * (3.0 - 2.0 * fraction), 6.0 * fraction * (1.0 - fraction)
 
 
 @compiled

@@ -1,17 +1,16 @@
-"""What is commanded over a step: torques, valve courses and wrenches, held and free of side effects."""
+"""The commands held over a step: torques, chamber pressures and wrenches, free of side effects."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 
 @dataclass(frozen=True)
-class Valve:
-    """The pressure course of one arm since its target last changed: p' = (target - p) / tau, solved exactly.
+class ChamberPressure:
+    """The pressure in one arm's chamber, a first-order lag behind its target: p' = (target - p) / tau, solved exactly.
 
     Attributes:
         time: When the target last changed [s].
@@ -55,12 +54,12 @@ class HeldCommands:
     Attributes:
         torque: Drive torque of each joint [N m], shape (n_arms, n_links); None unless the arms are torque-
             driven.
-        valves: Pressure course of each arm; empty unless the arms are pressure-driven.
+        chambers: Pressure in each arm's chamber; empty unless the arms are pressure-driven.
         wrenches: Wrench by frame name.
     """
 
     torque: np.ndarray | None = None
-    valves: tuple[Valve, ...] = ()
+    chambers: tuple[ChamberPressure, ...] = ()
     wrenches: dict[str, Wrench] = field(default_factory=dict)
 
 
@@ -76,8 +75,8 @@ class ScheduledCommand:
     """
 
     time: float
-    torque: Any = None
-    pressure: Any = None
+    torque: object = None
+    pressure: object = None
     wrench: tuple[str, tuple[float, float, float], tuple[float, float, float]] | None = None
 
 

@@ -60,7 +60,7 @@ class Lattice:
         return np.arange(self.n_nodes).reshape(2, *self.nodes)
 
     @cached_property
-    def rest_position(self) -> np.ndarray:
+    def reference_position(self) -> np.ndarray:
         """Positions of the flat, unloaded sheet in ldcs_base [m], shape (n_nodes, 3)."""
         (length, width, thickness), (nx, ny) = self.size, self.nodes
         z, x, y = np.meshgrid(
@@ -108,7 +108,7 @@ class Lattice:
     def rest_vector(self) -> np.ndarray:
         """Vector from a to b of each spring at rest [m], shape (n_springs, 3)."""
         a, b = self.springs.T
-        return self.rest_position[b] - self.rest_position[a]
+        return self.reference_position[b] - self.reference_position[a]
 
     @cached_property
     def rest_length(self) -> np.ndarray:

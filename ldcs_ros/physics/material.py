@@ -38,7 +38,7 @@ import numpy as np
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.schema.fields import REQUIRED, quantity
 
-IN_LAYER_SHARE = 1.0 / 3.0
+IN_LAYER_FRACTION = 1.0 / 3.0
 # Z t^-4 over the mean of C11 / dx^4 and C11 / dy^4: above 4 there is a solution; larger is stiffer to integrate.
 ACROSS_RATIO = 8.0
 
@@ -55,14 +55,14 @@ class Material:
     """
 
     youngs_modulus: float = quantity(
-        REQUIRED, "Pa", "Young's modulus", low=1e-3, high=1e12, origin="paper: 75.35e3"
+        REQUIRED, "Pa", "Young's modulus", low=1e-3, high=1e12, source="paper: 75.35e3"
     )
-    poisson: float = quantity(REQUIRED, "", "Poisson's ratio", low=0.05, high=0.5, origin="paper: 0.5")
+    poisson: float = quantity(REQUIRED, "", "Poisson's ratio", low=0.05, high=0.5, source="paper: 0.5")
     density: float = quantity(
-        REQUIRED, "kg/m^3", "density", low=1e-3, high=1e5, origin="paper: 160 g over 196 cm^3, 816"
+        REQUIRED, "kg/m^3", "density", low=1e-3, high=1e5, source="paper: 160 g over 196 cm^3, 816"
     )
     relaxation_time: float = quantity(
-        0.0625, "s", "damping over stiffness", low=0.0, high=1e3, origin="paper: c / k = 5 / 80"
+        0.0625, "s", "damping over stiffness", low=0.0, high=1e3, source="paper: c / k = 5 / 80"
     )
 
     def mass(self, size: tuple[float, float, float]) -> float:
@@ -83,9 +83,12 @@ class Material:
         at_end = np.isin(place[:, 0, 1], (0, nx - 1)) & np.isin(place[:, 1, 1], (0, nx - 1))
         stiffness = np.empty(len(lattice.springs))
         c11 = self.youngs_modulus * thickness / (1.0 - self.poisson**2)
-        for height, share, count in ((0.0, IN_LAYER_SHARE / 2, 1.0), (thickness, 1.0 - IN_LAYER_SHARE, 2.0)):
+        for height, fraction, count in (
+            (0.0, IN_LAYER_FRACTION / 2, 1.0),
+            (thickness, 1.0 - IN_LAYER_FRACTION, 2.0),
+        ):
             chosen = between if height else ~between
-            weights = self._weights(share * c11, dx, dy, height)
+            weights = self._weights(fraction * c11, dx, dy, height)
             kinds = (
                 (along_x & ~along_y, dx, 0.0),
                 (along_y & ~along_x, 0.0, dy),

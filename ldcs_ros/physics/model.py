@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -14,6 +15,12 @@ from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
+
+if TYPE_CHECKING:
+    # A scene imports only the effects that it names.
+    from ldcs_ros.physics.effects.arms import ArmsTerm
+    from ldcs_ros.physics.effects.gravity import Gravity
+    from ldcs_ros.physics.effects.wrench import WrenchTerm
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ class Model:
         assembly = Assembly(lattice, points, lattice.node_mass.copy(), material=material)
         for effect in self.effects:
             if effect.name == "gravity":
-                assembly.gravity = assembly.gravity + np.array(effect.acceleration)  # type: ignore[attr-defined]
+                assembly.gravity = assembly.gravity + np.array(cast("Gravity", effect).acceleration)
         # Weight needs the payloads' masses, so gravity is bound last.
         order = sorted(range(len(self.effects)), key=lambda index: self.effects[index].name == "gravity")
         terms: dict[int, Term] = {}
@@ -67,24 +74,25 @@ class Model:
             terms[index] = self.effects[index].bind(assembly)
             assembly.node_mass = assembly.node_mass + terms[index].added_mass()
         self.terms = tuple(terms[index] for index in range(len(self.effects)))
-        self.turns = any(term.turns for term in self.terms if term.name == "springs")
+        self.corotational = any(term.corotational for term in self.terms if term.name == "springs")
         self.relaxation_time = max((term.relaxation_time for term in self.terms), default=0.0)
-        self.arms = next((term for term in self.terms if term.name == "arms"), None)
-        self.wrench = next((term for term in self.terms if term.name == "wrench"), None)
+        by_name = {term.name: term for term in self.terms}
+        self.arms = cast("ArmsTerm | None", by_name.get("arms"))
+        self.wrench = cast("WrenchTerm | None", by_name.get("wrench"))
         self.node_mass = assembly.node_mass
-        self.n_angles = 0 if self.arms is None else 2 * self.arms.n_links  # type: ignore[attr-defined]
+        self.n_angles = 0 if self.arms is None else 2 * self.arms.n_links
         self.n_coordinates = 3 * lattice.n_nodes + self.n_angles
         self._find_free()
 
     def _find_free(self) -> None:
         is_free = np.ones(self.n_coordinates, dtype=bool)
         for term in self.terms:
-            is_free[term.fixed()] = False
+            is_free[term.constrained_dofs()] = False
         self.free = np.flatnonzero(is_free)
         self.n_free_nodes = int(np.searchsorted(self.free, 3 * self.lattice.n_nodes))
         self.n_free_angles = len(self.free) - self.n_free_nodes
         self.mass = np.repeat(self.node_mass, 3)[self.free[: self.n_free_nodes]]
-        self.prescribing = tuple(term for term in self.terms if term.fixed().size)
+        self.prescribing = tuple(term for term in self.terms if term.constrained_dofs().size)
         self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
 
     def coordinate_name(self, coordinate: int) -> str:
@@ -96,10 +104,10 @@ class Model:
         layer, i, j = np.unravel_index(coordinate // 3, (2, *self.lattice.nodes))
         return f"node_{LAYERS[layer]}_{i}_{j}"
 
-    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+    def reference_state(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the coordinates of the flat, unloaded sheet with straight arms, and zero rates."""
         q = np.zeros(self.n_coordinates)
-        q[: 3 * self.lattice.n_nodes] = self.lattice.rest_position.ravel()
+        q[: 3 * self.lattice.n_nodes] = self.lattice.reference_position.ravel()
         u = np.zeros(self.n_coordinates)
         self.prescribe(0.0, q, u)
         return q, u
@@ -118,7 +126,7 @@ class Model:
 
     def inertia(self, q: np.ndarray) -> np.ndarray | None:
         """Return the mass matrix of the free angles [kg m^2], shape (n_arms, n, n), or None without any."""
-        return self.arms.inertia(q) if self.n_free_angles else None  # type: ignore[union-attr]
+        return self.arms.inertia(q) if self.arms is not None and self.n_free_angles else None
 
     def momentum(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return M(q) a for free coordinates a, shape (n_free,)."""
@@ -176,11 +184,11 @@ class Model:
         return float(0.5 * power / energy) if energy > 0.0 else math.inf
 
     @cached_property
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows and columns, in free coordinates, of every Jacobian entry; -1 where a coordinate is prescribed."""
         place = np.full(self.n_coordinates, -1)
         place[self.free] = np.arange(len(self.free))
-        pairs = [term.entries() for term in self.terms]
+        pairs = [term.jacobian_pattern() for term in self.terms]
         rows = np.concatenate([pair[0] for pair in pairs])
         columns = np.concatenate([pair[1] for pair in pairs])
         return place[rows], place[columns]
@@ -192,21 +200,23 @@ class Model:
         u: np.ndarray,
         inputs: HeldCommands,
         *,
-        definite: bool,
-        turning: bool = False,
+        positive_definite: bool,
+        corotated: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values of d(force)/dq and d(force)/du at `entries`.
+        """Return the values of d(force)/dq and d(force)/du at `jacobian_pattern`.
 
-        Args:
-            time: Simulation time [s].
-            q: Coordinates [m, rad].
-            u: Their rates.
-            inputs: What is commanded.
-            definite: Of the stable part only.
-            turning: Without what is unsymmetric as the sheet turns; `LinearSystem.turn` puts it back.
+            Args:
+                time: Simulation time [s].
+                q: Coordinates [m, rad].
+                u: Their rates.
+                inputs: What is commanded.
+                positive_definite: Of the stable part only.
+        corotated: Without what is unsymmetric as the sheet turns; `LinearSystem.turn` puts it back.
         """
         values = [
-            (term.turning_jacobian if turning and term.turns else term.jacobian)(time, q, u, inputs, definite)
+            (term.corotated_jacobian if corotated and term.corotational else term.jacobian)(
+                time, q, u, inputs, positive_definite
+            )
             for term in self.terms
         ]
         return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
@@ -221,5 +231,5 @@ class Model:
         total = 0.5 * float(np.repeat(self.node_mass, 3) @ u[:n] ** 2)
         if self.arms is not None:
             rate = u[n:].reshape(2, -1)
-            total += 0.5 * float(np.einsum("ai,aij,aj", rate, self.arms.inertia(q), rate))  # type: ignore[attr-defined]
+            total += 0.5 * float(np.einsum("ai,aij,aj", rate, self.arms.inertia(q), rate))
         return total

@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -122,7 +121,7 @@ def quaternion(axes: np.ndarray) -> np.ndarray:
     return -q if q[3] < 0.0 else q
 
 
-def point_at(lattice: Lattice, place: Any, points: dict[str, Point] | None = None) -> Point:
+def point_at(lattice: Lattice, place: object, points: dict[str, Point] | None = None) -> Point:
     """Return the point for a name of `points`, 'node_<layer>_<i>_<j>', or [layer, i, j], with i and j numbers or words.
 
     `centre` and `free_edge` (or [layer, centre]) name the centre and the middle of the free edge at any

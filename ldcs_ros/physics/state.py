@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ class State:
     link_angle: np.ndarray
     link_rate: np.ndarray
     pressure: np.ndarray
-    memory: Any = field(default=None, repr=False, compare=False)
+    memory: object = field(default=None, repr=False, compare=False)
 
     @property
     def joint_angle(self) -> np.ndarray:

@@ -47,7 +47,7 @@ def annotations_of_scene(scene: Problem, *, title: str) -> Annotations:
     """Return what a scene says, under a title."""
     lattice = scene.lattice
     effects = scene.effects
-    rest = lattice.rest_position
+    rest = lattice.reference_position
     return Annotations(
         title=title,
         rest=rest.reshape(2, *lattice.nodes, 3),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.scene.scene import Scene, parse_scene
@@ -39,7 +38,7 @@ def complete_text(scene: Scene) -> str:
     return text if same else scene.text
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

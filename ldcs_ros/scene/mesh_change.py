@@ -66,7 +66,7 @@ def _places(content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]
     for index, effect in enumerate(_mappings(content.get("effects"))):
         if effect.get("type") in EFFECTS:
             for field in dataclasses.fields(effect_class(effect["type"])):
-                if field.metadata.get("place") and field.name in effect:
+                if "location" in field.metadata and field.name in effect:
                     yield f"effects[{index}].{field.name}", effect, field.name
     for index, command in enumerate(_mappings(content.get("inputs"))):
         wrench = command.get("wrench")
@@ -74,12 +74,12 @@ def _places(content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]
             yield f"inputs[{index}].wrench.frame", wrench, "frame"
 
 
-def _mappings(value: Any) -> list[dict[str, Any]]:
+def _mappings(value: object) -> list[dict[str, Any]]:
     # Entries that are no mappings keep their index.
     return [item if isinstance(item, dict) else {} for item in value] if isinstance(value, list) else []
 
 
-def _moved(place: Any, old: tuple[int, int], new: tuple[int, int], path: str) -> Any:
+def _moved(place: object, old: tuple[int, int], new: tuple[int, int], path: str) -> object:
     if isinstance(place, str):
         match = NODE_NAME.match(place.removesuffix(_ALIGNED))
         if match is None:
@@ -92,7 +92,7 @@ def _moved(place: Any, old: tuple[int, int], new: tuple[int, int], path: str) ->
 
 
 def _numbers(
-    node: tuple[int, int], old: tuple[int, int], new: tuple[int, int], place: Any, path: str
+    node: tuple[int, int], old: tuple[int, int], new: tuple[int, int], place: object, path: str
 ) -> tuple[int, int]:
     moved = []
     for number, before, after in zip(node, old, new, strict=True):
@@ -107,5 +107,5 @@ def _numbers(
     return moved[0], moved[1]
 
 
-def _shown(place: Any) -> str:
-    return place if isinstance(place, str) else f"[{', '.join(map(str, place))}]"
+def _shown(place: object) -> str:
+    return f"[{', '.join(map(str, place))}]" if isinstance(place, (list, tuple)) else str(place)

@@ -54,10 +54,11 @@ class Scene:
     @property
     def content(self) -> dict[str, Any]:
         """The scene as plain values with the keys of a scene file; a new copy at each access."""
-        content: dict[str, Any] = read_yaml(self.text, origin=self.name, error=SceneError)
-        return content
+        return schema.CHECKS.keys(
+            read_yaml(self.text, origin=self.name, error=SceneError), schema.TOP_KEYS, ""
+        )
 
-    def edited(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Scene:
+    def edited(self, changes: Mapping[str, object] | None = None, /, **keys: object) -> Scene:
         """Return a checked scene with other values at some paths, under the same name.
 
         Args:
@@ -80,6 +81,7 @@ class Scene:
             warnings.warn(f"{self.name}: {line}", stacklevel=2)
         return parse_scene(write_yaml(content), name=self.name, origin=self.name) if changed else self
 
+    # Any: the fields of an effect are those of the class that its name stands for.
     def effect(self, name: str) -> Any:
         """Return the scene's effect of a name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)
@@ -115,7 +117,7 @@ def parse_scene(text: str, *, name: str, origin: str) -> Scene:
         ) from error
 
 
-def scene_of_content(content: Any, text: str, *, name: str) -> Scene:
+def scene_of_content(content: object, text: str, *, name: str) -> Scene:
     """Return the scene of plain values and of the text that says the same.
 
     Raises:

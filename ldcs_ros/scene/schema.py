@@ -26,12 +26,12 @@ SENSORS: dict[str, type] = {"tracker": TrackerParameters, "pressure": PressureSe
 CHECKS = Checks(SceneError)
 
 
-def check_material(value: Any, path: str) -> Material:
+def check_material(value: object, path: str) -> Material:
     """Return the material of `material: {youngs_modulus, poisson, density}`."""
     return Material(**CHECKS.declared(Material, value, path))
 
 
-def check_lattice(value: Any, material: Material | None, path: str) -> Lattice:
+def check_lattice(value: object, material: Material | None, path: str) -> Lattice:
     """Return the lattice of `lattice: {size, nodes, mass}`; a material has a density, and no mass is named."""
     keys = ("size", "nodes") if material else ("size", "nodes", "mass")
     if material and isinstance(value, dict) and "mass" in value:
@@ -54,7 +54,7 @@ def check_lattice(value: Any, material: Material | None, path: str) -> Lattice:
     return Lattice(shape, (nodes[0], nodes[1]), mass)
 
 
-def check_points(value: Any, lattice: Lattice, path: str) -> dict[str, Point]:
+def check_points(value: object, lattice: Lattice, path: str) -> dict[str, Point]:
     """Return the named points."""
     if not isinstance(value, dict):
         raise SceneError(f"got {shown(value)}, expected a mapping of names to [layer, i, j] @ {path}")
@@ -71,7 +71,7 @@ def check_points(value: Any, lattice: Lattice, path: str) -> dict[str, Point]:
     return points
 
 
-def check_effects(value: Any, lattice: Lattice, points: dict[str, Point], path: str) -> tuple[Effect, ...]:
+def check_effects(value: object, lattice: Lattice, points: dict[str, Point], path: str) -> tuple[Effect, ...]:
     """Return the effects, each made from its class's own fields."""
     if not isinstance(value, list):
         raise SceneError(f"got {shown(value)}, expected a list of effects @ {path}")
@@ -98,13 +98,13 @@ def _check_effect(
     values = {key: value for key, value in block.items() if key != "type"}
     effect: Effect = cls(**CHECKS.declared(cls, values, path, extra=("type",)))
     for field in dataclasses.fields(cls):
-        if field.metadata.get("place"):
+        if "location" in field.metadata:
             with CHECKS.at(f"{path}.{field.name}"):
                 point_at(lattice, getattr(effect, field.name), points)
     return effect
 
 
-def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
+def check_inputs(value: object, path: str) -> tuple[ScheduledCommand, ...]:
     """Return the schedule; its values are checked against the effects when the scene is built."""
     if not isinstance(value, list):
         raise SceneError(f"got {shown(value)}, expected a list of commands with a time @ {path}")
@@ -132,7 +132,7 @@ def check_inputs(value: Any, path: str) -> tuple[ScheduledCommand, ...]:
 
 
 def check_sensors(
-    value: Any, lattice: Lattice, points: dict[str, Point], path: str
+    value: object, lattice: Lattice, points: dict[str, Point], path: str
 ) -> dict[str, dict[str, Any]]:
     """Return each sensor's parameters with defaults filled in."""
     block = CHECKS.keys(value, tuple(SENSORS), path)
@@ -152,7 +152,7 @@ def check_sensors(
     return sensors
 
 
-def _tracked(block: Any, lattice: Lattice, points: dict[str, Point], path: str) -> tuple[str, ...]:
+def _tracked(block: object, lattice: Lattice, points: dict[str, Point], path: str) -> tuple[str, ...]:
     tracked = block.get("points", list(points)) if isinstance(block, dict) else list(points)
     if not isinstance(tracked, list) or len(set(map(str, tracked))) != len(tracked):
         CHECKS.refuse(tracked, "a list of different points", path)
@@ -164,7 +164,7 @@ def _tracked(block: Any, lattice: Lattice, points: dict[str, Point], path: str) 
     return tuple(tracked)
 
 
-def check_solver(value: Any, path: str) -> Solver:
+def check_solver(value: object, path: str) -> Solver:
     """Return the solver: {integrator, accuracy} or {integrator, dt}."""
     block = CHECKS.keys(value, ("integrator", "accuracy", "dt"), path)
     accuracy = block.get("accuracy", None if "dt" in block else Solver.accuracy)

@@ -38,7 +38,7 @@ class Checks:
                 raise self._error(f"missing key {key!r} @ {place}")
         return value
 
-    def items(self, value: object, path: str) -> list[Any]:
+    def items(self, value: object, path: str) -> list[object]:
         """Return a list."""
         if not isinstance(value, list):
             self.refuse(value, "a list", path)
@@ -76,7 +76,7 @@ class Checks:
 
     def numbers(
         self,
-        value: Any,
+        value: object,
         length: int,
         path: str,
         *,
@@ -95,7 +95,7 @@ class Checks:
         """Return the values of a block whose keys are the declared fields of a dataclass.
 
         Args:
-            cls: A dataclass whose fields are made by `quantity`, `choice`, `words` and `place`.
+            cls: A dataclass whose fields are made by `quantity`, `choice`, `choices` and `location`.
             block: The block of the file.
             path: Its place.
             extra: Keys that are known but belong to no field; they are left out.

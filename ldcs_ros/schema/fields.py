@@ -1,4 +1,4 @@
-"""Declarations of a parameter (default, unit, bounds, origin and meaning in one place) and the check of its value."""
+"""Declarations of a parameter (default, unit, bounds, source and meaning in one place) and the check of its value."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import dataclasses
 import difflib
 import math
 import numbers
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ldcs_ros.errors import LdcsError
 
-REQUIRED = dataclasses.MISSING
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T")
+Location = str | tuple[str | int, ...]
+"""The name of a point, or (layer, i, j)."""
+
+# Any: the default of a field that has none is of every type.
+REQUIRED: Any = dataclasses.MISSING
+PROJECT = "choice of this project"
 MAX_SHOWN = 60
 
 
@@ -41,55 +50,45 @@ def did_you_mean(word: object, options: Iterable[object]) -> str:
 
 
 def quantity(
-    default: Any,
+    default: T,
     unit: str,
     help: str,
     *,
     low: float = -math.inf,
     high: float = math.inf,
-    origin: str = "choice of this project",
+    source: str = PROJECT,
     length: int | None = None,
-) -> Any:
+) -> T:
     """Declare a numeric field of a frozen dataclass.
 
     Args:
-        default: Value used when the scene does not name it; `REQUIRED` when it must.
+        default: Value of a file that does not name the field; `REQUIRED` if each file must.
         unit: SI unit, '' for pure numbers.
-        help: What it means, one clause.
+        help: Meaning, one clause.
         low: Smallest accepted value.
         high: Largest accepted value.
-        origin: Where the default comes from.
+        source: Source of the default.
         length: Number of components of a vector, None for one number.
     """
-    metadata = {"unit": unit, "help": help, "low": low, "high": high, "origin": origin, "length": length}
-    return dataclasses.field(default=default, metadata=metadata)
+    return _declared(default, unit=unit, help=help, low=low, high=high, source=source, length=length)
 
 
-def choice(
-    default: Any, options: tuple[str, ...], help: str, *, origin: str = "choice of this project"
-) -> Any:
+def choice(default: T, options: tuple[str, ...], help: str, *, source: str = PROJECT) -> T:
     """Declare a field that holds one of a few words."""
-    return dataclasses.field(
-        default=default, metadata={"options": options, "help": help, "origin": origin, "unit": ""}
-    )
+    return _declared(default, options=options, help=help, source=source, unit="")
 
 
-def place(default: Any, help: str) -> Any:
-    """Declare a field that names a point: a point of the scene, or [layer, i, j]."""
-    return dataclasses.field(
-        default=default, metadata={"place": True, "help": help, "unit": "", "origin": "scene"}
-    )
-
-
-def words(default: Any, options: tuple[str, ...], help: str) -> Any:
+def choices(default: T, options: tuple[str, ...], help: str) -> T:
     """Declare a field that holds a list of different words out of a few."""
-    metadata = {
-        "options": options,
-        "several": True,
-        "help": help,
-        "unit": "",
-        "origin": "choice of this project",
-    }
+    return _declared(default, options=options, several=True, help=help, source=PROJECT, unit="")
+
+
+def location(default: T, help: str) -> T:
+    """Declare a field that names a point: a point of the scene, or [layer, i, j]."""
+    return _declared(default, location=True, help=help, source="scene", unit="")
+
+
+def _declared(default: T, **metadata: object) -> T:
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -130,7 +129,7 @@ def whole_number(value: object, *, low: float = -math.inf, high: float = math.in
     return number
 
 
-def check_field(value: Any, field: dataclasses.Field[Any]) -> Any:
+def check_field(value: object, field: dataclasses.Field[Any]) -> object:
     """Return the value of a declared field as float, int, tuple or word.
 
     Raises:
@@ -138,8 +137,8 @@ def check_field(value: Any, field: dataclasses.Field[Any]) -> Any:
     """
     meta = field.metadata
     if "options" in meta:
-        return _chosen(value, meta)
-    if meta.get("place"):
+        return _chosen(value, meta["options"], several="several" in meta)
+    if "location" in meta:
         return tuple(value) if isinstance(value, list) else value
     bounds = {"low": meta["low"], "high": meta["high"]}
     if meta["length"] is not None:
@@ -153,7 +152,7 @@ def check_field(value: Any, field: dataclasses.Field[Any]) -> Any:
     return finite_number(value, unit=meta["unit"], **bounds)
 
 
-def check_fields(instance: Any, path: str, error: type[LdcsError]) -> None:
+def check_fields(instance: DataclassInstance, path: str, error: type[LdcsError]) -> None:
     """Check every declared field of a dataclass instance; for `__post_init__` of one that programs make, too.
 
     Raises:
@@ -167,9 +166,8 @@ def check_fields(instance: Any, path: str, error: type[LdcsError]) -> None:
                 raise error(f"{reason} @ {path}.{field.name}") from reason
 
 
-def _chosen(value: Any, meta: Mapping[str, Any]) -> Any:
-    options = meta["options"]
-    items = value if meta.get("several") else [value]
+def _chosen(value: object, options: tuple[str, ...], *, several: bool) -> object:
+    items = value if several else [value]
     if not isinstance(items, (list, tuple)) or not items or len(set(map(str, items))) != len(items):
         raise ValueError(f"got {shown(value)}, expected a list of different words out of {list(options)}")
     for item in items:
@@ -177,7 +175,7 @@ def _chosen(value: Any, meta: Mapping[str, Any]) -> Any:
             raise ValueError(
                 f"got {shown(item)}, expected one of {list(options)}.{did_you_mean(item, options)}"
             )
-    return tuple(items) if meta.get("several") else value
+    return tuple(items) if several else value
 
 
 def _range(low: float, high: float) -> str:

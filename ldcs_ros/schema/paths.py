@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ldcs_ros.errors import SceneError
+from ldcs_ros.schema.fields import finite_number
 
 _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
-def get_value(content: dict[str, Any], path: str) -> Any:
-    """Return what stands at a path of a scene's content; None where the last key is not given.
+def get_value(content: dict[str, Any], path: str) -> object:
+    """Return the value at a path of a scene's content; None where the last key is not given.
 
     Raises:
         SceneError: The path leads nowhere.
@@ -21,10 +22,23 @@ def get_value(content: dict[str, Any], path: str) -> Any:
     holder, last, walked = _holder(content, path, path, make=False)
     if isinstance(holder, dict) and isinstance(last, str):
         return holder.get(last)
-    return holder[_index(holder, last, walked, path)]
+    entries, index = _entry(holder, last, walked, path)
+    return entries[index]
 
 
-def put_value(content: dict[str, Any], path: str, value: Any, *, said: str = "") -> None:
+def get_number(content: dict[str, Any], path: str) -> float:
+    """Return the finite number at a path of a scene's content.
+
+    Raises:
+        SceneError: The path leads nowhere, or to something else.
+    """
+    try:
+        return finite_number(get_value(content, path))
+    except ValueError as error:
+        raise SceneError(f"{error} @ {path}") from error
+
+
+def put_value(content: dict[str, Any], path: str, value: object, *, said: str = "") -> None:
     """Put a value at a path of a scene's content, in place.
 
     A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type,
@@ -32,9 +46,9 @@ def put_value(content: dict[str, Any], path: str, value: Any, *, said: str = "")
 
     Args:
         content: The scene as plain values.
-        path: Where to.
-        value: What.
-        said: What to quote in an error; the path if not given.
+        path: Path of the value.
+        value: The value.
+        said: Text that an error quotes; the path if not given.
 
     Raises:
         SceneError: The path leads nowhere.
@@ -43,7 +57,8 @@ def put_value(content: dict[str, Any], path: str, value: Any, *, said: str = "")
     if isinstance(holder, dict) and isinstance(last, str):
         holder[last] = value
     else:
-        holder[_index(holder, last, walked, said or path)] = value
+        entries, index = _entry(holder, last, walked, said or path)
+        entries[index] = value
 
 
 def remove_value(content: dict[str, Any], path: str) -> None:
@@ -56,10 +71,11 @@ def remove_value(content: dict[str, Any], path: str) -> None:
     if isinstance(holder, dict) and isinstance(last, str):
         holder.pop(last, None)
     else:
-        del holder[_index(holder, last, walked, path)]
+        entries, index = _entry(holder, last, walked, path)
+        del entries[index]
 
 
-def with_values(content: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+def with_values(content: dict[str, Any], values: Mapping[str, object]) -> dict[str, Any]:
     """Return a copy of a scene's content with values at some paths.
 
     Raises:
@@ -71,15 +87,16 @@ def with_values(content: dict[str, Any], values: Mapping[str, Any]) -> dict[str,
     return changed
 
 
-def _holder(content: dict[str, Any], path: str, said: str, *, make: bool) -> tuple[Any, str | int, str]:
+def _holder(content: dict[str, Any], path: str, said: str, *, make: bool) -> tuple[object, str | int, str]:
     steps = _split(path, said)
-    holder: Any = content
+    holder: object = content
     walked = "scene"
     for step in steps[:-1]:
         if isinstance(holder, dict) and isinstance(step, str):
             holder = holder.setdefault(step, {}) if make else holder.get(step, {})
         else:
-            holder = holder[_index(holder, step, walked, said)]
+            entries, index = _entry(holder, step, walked, said)
+            holder = entries[index]
         walked = f"{walked}.{step}"
     return holder, steps[-1], walked
 
@@ -97,14 +114,15 @@ def _split(path: str, said: str) -> list[str | int]:
     return steps
 
 
-def _index(holder: Any, step: str | int, walked: str, said: str) -> int:
+def _entry(holder: object, step: str | int, walked: str, said: str) -> tuple[list[object], int]:
+    # The list that holds a step's entry, and the index of the entry.
     if not isinstance(holder, list):
         kind = "a table" if isinstance(holder, dict) else f"the value {holder!r}"
         raise SceneError(f"'{said}': {walked} is {kind}, which has no place '{step}'")
     if isinstance(step, int):
         if step >= len(holder):
             raise SceneError(f"'{said}': {walked} has {len(holder)} entries, got index {step}")
-        return step
+        return holder, step
     types = [entry.get("type") if isinstance(entry, dict) else None for entry in holder]
     if types.count(step) != 1:
         known = [name for name in types if name is not None]
@@ -112,4 +130,4 @@ def _index(holder: Any, step: str | int, walked: str, said: str) -> int:
         raise SceneError(
             f"'{said}': {walked} has {found} of type '{step}', only {known}; or give an index, [0]"
         )
-    return types.index(step)
+    return holder, types.index(step)

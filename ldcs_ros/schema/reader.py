@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 import yaml
@@ -55,7 +55,7 @@ def read_text(path: Path, kind: str, error: type[LdcsError]) -> str:
         raise error(f"cannot read the {kind} {str(path)!r}: not UTF-8 text") from reason
 
 
-def read_yaml(text: str, *, origin: str, error: type[LdcsError]) -> Any:
+def read_yaml(text: str, *, origin: str, error: type[LdcsError]) -> object:
     """Return the content of YAML text as dicts, lists, texts, numbers, truth values and None.
 
     >>> read_yaml("mass: 69.0e-3", origin="my.yaml", error=LdcsError)
@@ -80,7 +80,7 @@ def read_yaml(text: str, *, origin: str, error: type[LdcsError]) -> Any:
         raise error(f"not valid YAML: {' '.join(str(problem).split())} @ {origin}{where}") from reason
 
 
-def write_yaml(content: Any, *, width: int | None = None, flow: bool | None = False) -> str:
+def write_yaml(content: object, *, width: int | None = None, flow: bool | None = False) -> str:
     """Return plain values as YAML text that `read_yaml` reads to the same values; keys stay in order.
 
     Args:
@@ -94,14 +94,14 @@ def write_yaml(content: Any, *, width: int | None = None, flow: bool | None = Fa
     return str(text)
 
 
-def plain_values(content: Any, *, origin: str, error: type[LdcsError]) -> Any:
+def plain_values(content: object, *, origin: str, error: type[LdcsError]) -> object:
     """Return a copy of a program's values as `read_yaml` would give them: tuples as lists, NumPy as numbers.
 
     Raises:
         LdcsError: A value contains itself or is nested too deeply; the class is `error`.
     """
 
-    def plain(value: Any, path: str, depth: int) -> Any:
+    def plain(value: object, path: str, depth: int) -> object:
         if depth > MAX_DEPTH:
             raise error(f"got a value that contains itself, or nesting above {MAX_DEPTH} @ {origin}")
         if isinstance(value, (np.generic, np.ndarray)):
@@ -138,10 +138,10 @@ class _Builder:
     origin: str
     error: type[LdcsError]
     count: int = 0
-    anchors: dict[str, tuple[Any, int]] = field(default_factory=dict)
+    anchors: dict[str, tuple[object, int]] = field(default_factory=dict)
 
-    def document(self) -> Any:
-        content: Any = None
+    def document(self) -> object:
+        content: object = None
         documents = 0
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
@@ -151,7 +151,7 @@ class _Builder:
                 content = self.value(next(self.events), "", 0)
         return content
 
-    def value(self, event: yaml.Event, path: str, depth: int) -> Any:
+    def value(self, event: yaml.Event, path: str, depth: int) -> object:
         before = self.count
         self.add(1, path, event)
         if isinstance(event, yaml.AliasEvent):
@@ -165,22 +165,26 @@ class _Builder:
             self.refuse(f"got a value of the type {shown(tag)}, expected a number or text", path, event)
         if depth > MAX_DEPTH:
             self.refuse(f"nested too deeply; expected at most {MAX_DEPTH} levels", path, event)
-        value: Any
+        value: object
         if isinstance(event, yaml.MappingStartEvent):
             value = self.mapping(path, depth)
         elif isinstance(event, yaml.SequenceStartEvent):
-            value = []
-            while not isinstance(item := next(self.events), yaml.SequenceEndEvent):
-                value.append(self.value(item, f"{path}[{len(value)}]", depth + 1))
+            value = self.sequence(path, depth)
         else:
             value = self.scalar(event, path)
         if event.anchor is not None:
             self.anchors[event.anchor] = value, self.count - before
         return value
 
-    def mapping(self, path: str, depth: int) -> dict[Any, Any]:
-        mapping: dict[Any, Any] = {}
-        merged: dict[Any, Any] = {}
+    def sequence(self, path: str, depth: int) -> list[object]:
+        values: list[object] = []
+        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
+            values.append(self.value(event, f"{path}[{len(values)}]", depth + 1))
+        return values
+
+    def mapping(self, path: str, depth: int) -> dict[object, object]:
+        mapping: dict[object, object] = {}
+        merged: dict[object, object] = {}
         seen: set[str] = set()
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
@@ -201,14 +205,14 @@ class _Builder:
                 mapping[key] = value
         return {**merged, **mapping}
 
-    def scalar(self, event: yaml.ScalarEvent, path: str) -> Any:
+    def scalar(self, event: yaml.ScalarEvent, path: str) -> object:
         text: str = event.value
         asked = None if event.tag in (None, "!") else event.tag.removeprefix(_CORE)
         if asked == "str" or (asked is None and not event.implicit[0]):
             return text
         if asked in ("map", "seq"):
             self.refuse(f"got {shown(text)}, expected the type !!{asked}", path, event)
-        value: Any = text
+        value: object = text
         if text in _WORDS:
             value = _WORDS[text]
         elif _LEADING_ZERO.fullmatch(text):
@@ -249,7 +253,7 @@ class _Builder:
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]  # the library has no types
     """A writer without anchors that quotes each text which `read_yaml` would take for a number."""
 
-    def ignore_aliases(self, data: Any) -> bool:
+    def ignore_aliases(self, data: object) -> bool:
         return True
 
 

@@ -1,13 +1,13 @@
-"""`Checkpoint`: all that a simulation needs beside positions and rates to go on to the bit."""
+"""`Checkpoint`: the part of a state beside positions and rates, with which a run continues to the bit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import Pace
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.simulation.inputs import InputsState
 
 
 @dataclass(frozen=True)
@@ -17,14 +17,14 @@ class Checkpoint:
     Attributes:
         origin: Lattice, points, effects, material, schedule and method of the simulation that made it.
         step: The integration step under way.
-        pace: What the step control carries.
-        held: What is commanded during the step.
+        pace: State of the step control.
+        held: Commands during the step.
         is_command_waiting: A command was given at this time and no step has begun with it.
         next_command: Index of the next scheduled command.
         last_command_time: Time of the last command [s].
         next_command_time: Time at which the next command is expected [s].
-        inputs: Snapshot of the inputs.
-        integrator: Memory of the integrator.
+        inputs: State of the inputs.
+        integrator: State of the integrator, of its own class.
         counters: Cost of the run so far.
         error_estimate: Largest estimated error of a node position so far [m].
     """
@@ -37,7 +37,7 @@ class Checkpoint:
     next_command: int
     last_command_time: float
     next_command_time: float
-    inputs: Any
-    integrator: Any
+    inputs: InputsState
+    integrator: object
     counters: Counters
     error_estimate: float

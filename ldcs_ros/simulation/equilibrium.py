@@ -14,7 +14,7 @@ FIRST_STEP, LARGEST_STEP = 0.02, 1e4  # s of pseudo-time
 BALANCED = 1e-12  # m: a Newton step below it is rounding
 
 
-def rest_state(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
+def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
     """Return the coordinates at which the forces of constant inputs balance.
 
     Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as

@@ -1,16 +1,47 @@
-"""`Inputs`: what is commanded now; checks each command whole before anything changes."""
+"""`Inputs`: the present commands; each command is checked whole before anything changes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ldcs_ros.errors import CommandError
-from ldcs_ros.physics.inputs import HeldCommands, ScheduledCommand, Valve, Wrench
+from ldcs_ros.physics.inputs import ChamberPressure, HeldCommands, ScheduledCommand, Wrench
 from ldcs_ros.physics.model import Model
+
+if TYPE_CHECKING:
+    # A scene imports only the effects that it names.
+    from ldcs_ros.physics.effects.arms import Arms
+
+
+# Time [s] and target gauge pressures [Pa] of a command whose dead time has not passed.
+PendingTargets = tuple[float, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class InputsState:
+    """The changing part of `Inputs`.
+
+    Attributes:
+        pressure: Commanded gauge pressure of each arm [Pa], or None without a pressure drive.
+        torque: Commanded torque of each joint [N m], or None without a torque drive.
+        wrenches: Held wrenches by frame name.
+        chambers: Pressure in each arm's chamber.
+        pending: Pressure commands whose dead time has not passed, by time.
+        overridden: Quantities and frames that the schedule no longer commands.
+    """
+
+    pressure: np.ndarray | None
+    torque: np.ndarray | None
+    wrenches: dict[str, Wrench]
+    chambers: tuple[ChamberPressure, ...]
+    pending: tuple[PendingTargets, ...]
+    overridden: frozenset[str]
 
 
 class Inputs:
@@ -27,92 +58,92 @@ class Inputs:
 
     def __init__(self, model: Model, clock: Callable[[], float]) -> None:
         self._model, self._clock = model, clock
-        self._arms: Any = None if model.arms is None else model.arms.arms  # type: ignore[attr-defined]
+        self._arms = None if model.arms is None else model.arms.arms
         self.version = 0
         self.clear()
 
     def clear(self) -> None:
         """Return to the start: no torque, vented chambers, no wrench."""
-        drive = None if self._arms is None else self._arms.drive
-        self.torque = np.zeros((2, self._arms.links)) if drive == "torque" else None
-        self.pressure = np.zeros(2) if drive == "pressure" else None
-        self.wrenches: dict[str, Wrench] = {}
-        self._valves: tuple[Valve, ...] = (self._valve(0.0, 0.0, 0.0),) * 2 if drive == "pressure" else ()
-        self._pending: tuple[tuple[float, tuple[float, ...]], ...] = ()
-        self._live: frozenset[str] = frozenset()
+        arms, self.wrenches = self._arms, dict[str, Wrench]()
+        self.torque = np.zeros((2, arms.links)) if arms is not None and arms.drive == "torque" else None
+        self.pressure: np.ndarray | None = None
+        self._chambers: tuple[ChamberPressure, ...] = ()
+        if arms is not None and arms.drive == "pressure":
+            self.pressure = np.zeros(2)
+            self._chambers = (ChamberPressure(0.0, 0.0, 0.0, arms.fill_time, arms.vent_time),) * 2
+        self._pending: tuple[PendingTargets, ...] = ()
+        self._overridden: frozenset[str] = frozenset()
         self.version += 1
 
-    def set_pressure(self, value: Any) -> None:
+    def set_pressure(self, value: ArrayLike) -> None:
         """Command gauge pressures [Pa]: one number for both arms, or (left, right).
 
         Raises:
             CommandError: No pressure drive, wrong size, not finite, or outside 0 ... pressure_limit.
         """
-        self._take_pressure(value)
-        self._live |= {"pressure"}
+        self._apply_pressure(value)
+        self._overridden |= {"pressure"}
 
-    def _take_pressure(self, value: Any) -> None:
-        if self.pressure is None:
-            raise CommandError(self._no_drive("pressure"))
+    def _apply_pressure(self, value: object) -> None:
+        arms = self._arms_driven_by("pressure")
         target = self._numbers(value, "pressure", "Pa", ((), (2,)))
-        limit = self._arms.pressure_limit
+        limit = arms.pressure_limit
         if (target < 0.0).any() or (target > limit).any():
             raise CommandError(f"pressure: got {_shown(target)} Pa, expected 0 ... {limit:g} Pa (gauge)")
         target = np.broadcast_to(target, (2,))
-        if np.array_equal(target, self.pressure):
+        if self.pressure is not None and np.array_equal(target, self.pressure):
             return
         self.pressure = target.copy()
         targets = tuple(float(p) for p in self.pressure)
-        if self._arms.dead_time > 0.0:
-            self._pending += ((self._clock() + self._arms.dead_time, targets),)
+        if arms.dead_time > 0.0:
+            self._pending += ((self._clock() + arms.dead_time, targets),)
         else:
-            self._switch(self._clock(), targets)
+            self._set_targets(self._clock(), targets)
         self.version += 1
 
-    def set_torque(self, value: Any) -> None:
+    def set_torque(self, value: ArrayLike) -> None:
         """Command joint torques [N m]: one number, one an arm (left, right), or shape (2, n_links).
 
         Raises:
             CommandError: No torque drive, wrong size, not finite, or above torque_limit.
         """
-        self._take_torque(value)
-        self._live |= {"torque"}
+        self._apply_torque(value)
+        self._overridden |= {"torque"}
 
-    def _take_torque(self, value: Any) -> None:
-        if self.torque is None:
-            raise CommandError(self._no_drive("torque"))
-        links = self._arms.links
+    def _apply_torque(self, value: object) -> None:
+        arms = self._arms_driven_by("torque")
+        links, limit = arms.links, arms.torque_limit
         torque = self._numbers(value, "torque", "N m", ((), (2,), (2, links)))
-        if (np.abs(torque) > self._arms.torque_limit).any():
-            raise CommandError(
-                f"torque: got {_shown(torque)} N m, expected at most {self._arms.torque_limit:g} N m"
-            )
+        if (np.abs(torque) > limit).any():
+            raise CommandError(f"torque: got {_shown(torque)} N m, expected at most {limit:g} N m")
         if torque.shape == (2,):
             torque = torque[:, None]
         torque = np.broadcast_to(torque, (2, links))
-        if np.array_equal(torque, self.torque):
+        if self.torque is not None and np.array_equal(torque, self.torque):
             return
         self.torque = torque.copy()
         self.version += 1
 
-    def set_wrench(self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)) -> None:
+    def set_wrench(
+        self, frame: str, *, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> None:
         """Hold a force [N] and torque [N m] at a frame: a point's name, `node_<layer>_<i>_<j>`, or one with `_aligned`.
 
         Raises:
             CommandError: The scene has no wrench effect, no such frame, or the values are not sound.
         """
-        self._take_wrench(frame, force, torque)
-        self._live |= {frame}
+        self._apply_wrench(frame, force, torque)
+        self._overridden |= {frame}
 
     def check_wrench(
-        self, frame: str, *, force: Any = (0.0, 0.0, 0.0), torque: Any = (0.0, 0.0, 0.0)
+        self, frame: str, *, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)
     ) -> Wrench:
-        """Return what `set_wrench` would hold, without holding it.
+        """Return the wrench that `set_wrench` would hold, without holding it.
 
         Raises:
             CommandError: As `set_wrench`.
         """
-        term: Any = self._model.wrench
+        term = self._model.wrench
         if term is None:
             raise CommandError(
                 "wrench: the scene does not name the effect 'wrench'; add '- {type: wrench}' to its effects"
@@ -134,35 +165,38 @@ class Inputs:
             held[name] = (float(vector[0]), float(vector[1]), float(vector[2]))
         return Wrench(**held)
 
-    def _take_wrench(self, frame: str, force: Any, torque: Any) -> None:
+    def _apply_wrench(self, frame: str, force: ArrayLike, torque: ArrayLike) -> None:
         wrench = self.check_wrench(frame, force=force, torque=torque)
         if self.wrenches.get(frame) != wrench:
             self.wrenches = {**self.wrenches, frame: wrench}
             self.version += 1
 
     def clear_wrench(self, frame: str) -> None:
-        """Let go of the wrench at a frame, if there is one."""
+        """Remove the wrench at a frame, if there is one."""
         self.wrenches = {name: wrench for name, wrench in self.wrenches.items() if name != frame}
-        self._live |= {frame}
+        self._overridden |= {frame}
         self.version += 1
 
-    def follow(self, command: ScheduledCommand) -> None:
-        """Take a scheduled command, except for what somebody has commanded since the start.
+    def apply_scheduled(self, command: ScheduledCommand) -> None:
+        """Apply a scheduled command, except for quantities that were commanded otherwise since the start.
 
         Raises:
             CommandError: As the `set_...` methods.
         """
-        if command.torque is not None and "torque" not in self._live:
-            self._take_torque(command.torque)
-        if command.pressure is not None and "pressure" not in self._live:
-            self._take_pressure(command.pressure)
-        if command.wrench is not None and command.wrench[0] not in self._live:
-            self._take_wrench(*command.wrench)
+        if command.torque is not None and "torque" not in self._overridden:
+            self._apply_torque(command.torque)
+        if command.pressure is not None and "pressure" not in self._overridden:
+            self._apply_pressure(command.pressure)
+        if command.wrench is not None and command.wrench[0] not in self._overridden:
+            self._apply_wrench(*command.wrench)
 
     def settle(self) -> None:
-        """Let every chamber have the pressure that was last commanded."""
+        """Fill every chamber to the pressure that was last commanded."""
         if self.pressure is not None:
-            self._valves = tuple(self._valve(self._clock(), float(p), float(p)) for p in self.pressure)
+            self._chambers = tuple(
+                replace(chamber, time=self._clock(), pressure=float(p), target=float(p))
+                for chamber, p in zip(self._chambers, self.pressure, strict=True)
+            )
         self._pending = ()
         self.version += 1
 
@@ -175,47 +209,53 @@ class Inputs:
 
     def chamber_pressure(self, time: float) -> np.ndarray:
         """Return the gauge pressure in each arm at a time [Pa], shape (2,), or (0,) without a pressure drive."""
-        return np.array([valve.at(time) for valve in self._valves])
+        return np.array([chamber.at(time) for chamber in self._chambers])
 
     def held(self) -> HeldCommands:
-        """Return what acts from now until the next command or `next_switch`."""
-        return HeldCommands(self.torque, self._valves, self.wrenches)
+        """Return the commands that act from now until the next command or `next_valve_change`."""
+        return HeldCommands(self.torque, self._chambers, self.wrenches)
 
-    def next_switch(self) -> float:
-        """Return when a valve answers a command that is on its way [s], or infinity."""
+    def next_valve_change(self) -> float:
+        """Return the time at which a valve answers the oldest pending command [s]; infinity without one."""
         return self._pending[0][0] if self._pending else math.inf
 
-    def switch(self) -> None:
-        """Let the valves answer the next command on its way."""
+    def apply_valve_change(self) -> None:
+        """Apply the oldest pending command to the chambers."""
         (time, targets), self._pending = self._pending[0], self._pending[1:]
-        self._switch(time, targets)
+        self._set_targets(time, targets)
         self.version += 1
 
-    def snapshot(self) -> Any:
-        """Return everything that changes, for `restore`."""
-        return self.pressure, self.torque, self.wrenches, self._valves, self._pending, self._live
-
-    def restore(self, snapshot: Any) -> None:
-        """Take back a snapshot."""
-        self.pressure, self.torque, self.wrenches, self._valves, self._pending, self._live = snapshot
-        self.version += 1
-
-    def _valve(self, time: float, pressure: float, target: float) -> Valve:
-        return Valve(time, pressure, target, self._arms.fill_time, self._arms.vent_time)
-
-    def _switch(self, time: float, targets: tuple[float, ...]) -> None:
-        self._valves = tuple(
-            self._valve(time, valve.at(time), target)
-            for valve, target in zip(self._valves, targets, strict=True)
+    def get_state(self) -> InputsState:
+        """Return everything that changes, for `set_state`."""
+        return InputsState(
+            self.pressure, self.torque, self.wrenches, self._chambers, self._pending, self._overridden
         )
 
-    def _no_drive(self, kind: str) -> str:
+    def set_state(self, state: InputsState) -> None:
+        """Return to a state that `get_state` gave."""
+        self.pressure, self.torque, self.wrenches = state.pressure, state.torque, state.wrenches
+        self._chambers, self._pending, self._overridden = state.chambers, state.pending, state.overridden
+        self.version += 1
+
+    def _set_targets(self, time: float, targets: tuple[float, ...]) -> None:
+        self._chambers = tuple(
+            replace(chamber, time=time, pressure=chamber.at(time), target=target)
+            for chamber, target in zip(self._chambers, targets, strict=True)
+        )
+
+    def _arms_driven_by(self, drive: str) -> Arms:
         if self._arms is None:
-            return f"{kind}: the scene has no arms; add '- {{type: arms, drive: {kind}}}' to its effects"
-        return f"{kind}: the scene's arms are driven by {self._arms.drive}; set 'drive: {kind}' in its arms"
+            raise CommandError(
+                f"{drive}: the scene has no arms; add '- {{type: arms, drive: {drive}}}' to its effects"
+            )
+        if self._arms.drive != drive:
+            raise CommandError(
+                f"{drive}: the scene's arms are driven by {self._arms.drive}; set 'drive: {drive}' in its arms"
+            )
+        return self._arms
 
     @staticmethod
-    def _numbers(value: Any, what: str, unit: str, shapes: tuple[tuple[int, ...], ...]) -> np.ndarray:
+    def _numbers(value: object, what: str, unit: str, shapes: tuple[tuple[int, ...], ...]) -> np.ndarray:
         try:
             array = np.array(value, dtype=float)
         except (TypeError, ValueError) as error:

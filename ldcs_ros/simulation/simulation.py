@@ -84,7 +84,7 @@ class Simulation:
             self._control = AdaptiveSteps(self.integrator, solver.accuracy)
         elif solver.dt is not None:
             self._control = FixedSteps(self.integrator, solver.dt)
-        self._fresh = self.integrator.memory
+        self._initial_state = self.integrator.memory
         self._taken: tuple[tuple[float, int], Step, State] | None = None
         self.statistics = Statistics()
         # A command that will be refused in ten minutes is refused now.
@@ -106,10 +106,10 @@ class Simulation:
         self.time = 0.0
         self._next_command = 0
         self.inputs.clear()
-        self.integrator.recall(self._fresh)
+        self.integrator.recall(self._initial_state)
         self.integrator.counters = Counters()
         self.statistics = Statistics()
-        q, u = self.model.rest()
+        q, u = self.model.reference_state()
         self._begin(q, u)
         self._run_schedule(0.0)
         limit = self.integrator.stability_limit(self._step.right, self.inputs.held())
@@ -142,7 +142,7 @@ class Simulation:
         Raises:
             ValueError: A shape is wrong or a number is not finite; nothing changed.
         """
-        q, u = self.model.rest()
+        q, u = self.model.reference_state()
         n = 3 * self.lattice.n_nodes
         for name, value, target, shape in (
             ("position", position, q[:n], (self.lattice.n_nodes, 3)),
@@ -158,7 +158,7 @@ class Simulation:
                 raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
             target[:] = array.ravel()
         self.model.prescribe(self.time, q, u)
-        self.integrator.recall(self._fresh)
+        self.integrator.recall(self._initial_state)
         self._begin(q, u)
 
     def advance_to(self, time: float) -> None:
@@ -190,7 +190,7 @@ class Simulation:
         n = 3 * self.lattice.n_nodes
         arms = (2, -1) if self.model.n_angles else (0, 0)
         # A command that nobody has advanced past yet is waiting to act.
-        waiting = self._seen != self.inputs.version
+        waiting = self._input_version != self.inputs.version
         checkpoint = Checkpoint(
             self._origin(),
             self._step,
@@ -198,9 +198,9 @@ class Simulation:
             self._held,
             waiting,
             self._next_command,
-            self._commanded,
-            self._expected,
-            self.inputs.snapshot(),
+            self._last_command_time,
+            self._next_command_time,
+            self.inputs.get_state(),
             self.integrator.memory,
             replace(self.integrator.counters),
             self.statistics.error_estimate,
@@ -245,16 +245,15 @@ class Simulation:
         """Names of the arms' joints, left arm first, base to tip; () without arms."""
         if self.model.arms is None:
             return ()
-        links: int = self.model.arms.n_links  # type: ignore[attr-defined]
-        return tuple(f"{arm}_joint_{k + 1}" for arm in self.arm_names for k in range(links))
+        links = range(1, self.model.arms.n_links + 1)
+        return tuple(f"{arm}_joint_{k}" for arm in self.arm_names for k in links)
 
     @property
     def joint_torque(self) -> np.ndarray:
         """Present drive torque of each joint [N m], shape (n_arms, n_links)."""
         if self.model.arms is None:
             return np.zeros((0, 0))
-        torque: np.ndarray = self.model.arms.drive_torque(self.time, self.inputs.held())  # type: ignore[attr-defined]
-        return torque
+        return self.model.arms.drive_torque(self.time, self.inputs.held())
 
     def pose(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Return position [m] and orientation (unit quaternion x, y, z, w) of a point or `node_<layer>_<i>_<j>`."""
@@ -272,7 +271,7 @@ class Simulation:
             DivergenceError: No rest state was found (nothing holds a free sheet, for example); nothing
                 changed.
         """
-        from ldcs_ros.simulation.equilibrium import rest_state
+        from ldcs_ros.simulation.equilibrium import equilibrium
 
         before = self.state
         time = max([self.time, *(command.time for command in self.scene.inputs), *self.model.breakpoints])
@@ -280,10 +279,10 @@ class Simulation:
             self.time = time
             self._run_schedule(time)
             self.inputs.settle()
-            q, u = self.model.rest()
+            q, u = self.model.reference_state()
             q[self.model.free] = self._step.at(before.time, self.model).q[self.model.free]
             with one_thread():
-                q = rest_state(self.model, q, time, self.inputs.held())
+                q = equilibrium(self.model, q, time, self.inputs.held())
         except Exception:
             self.reset(before)
             raise
@@ -293,11 +292,11 @@ class Simulation:
     # ---------------------------------------------------------------------------------------------------
 
     def _begin(self, q: np.ndarray, u: np.ndarray) -> None:
-        self._held, self._seen = self.inputs.held(), self.inputs.version
+        self._held, self._input_version = self.inputs.held(), self.inputs.version
         motion = self.integrator.start(self.time, q, u, self._held)
         self._step = Step(motion, motion, 0.0)
         self._pace: Pace = self._control.first(motion)
-        self._commanded, self._expected = -math.inf, math.inf
+        self._last_command_time, self._next_command_time = -math.inf, math.inf
 
     def _advance(self, time: float) -> None:
         self._take_commands()
@@ -317,9 +316,9 @@ class Simulation:
     def _integrate_to(self, stop: float) -> None:
         while self._step.right.time < stop - TIME_TOLERANCE:
             start = self._step.right
-            corners = (self._next_event(), self._expected, *self.model.breakpoints)
+            corners = (self._next_event(), self._next_command_time, *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
-            opening = start.time == self._commanded
+            opening = start.time == self._last_command_time
             step, pace = self._control.advance(start, self._held, self._pace, barrier, opening=opening)
             self._step = step
             self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
@@ -327,7 +326,7 @@ class Simulation:
 
     def _take_commands(self) -> None:
         # A command acts now: drop what was integrated past now, and keep the smooth part of the acceleration.
-        if self.inputs.version == self._seen:
+        if self.inputs.version == self._input_version:
             return
         motion, held = self.motion(), self.inputs.held()
         if motion.time != self.time:
@@ -335,19 +334,22 @@ class Simulation:
         jump = self.integrator.jump(motion, self._held, held)
         lasting = motion.a + self.integrator.soften(motion, jump)
         motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
-        self._held, self._seen = held, self.inputs.version
+        self._held, self._input_version = held, self.inputs.version
         self._step = Step(motion, motion, 0.0)
         # Whoever commands at a steady rate will do so again: no step past that time is worth taking.
-        self._expected, self._commanded = 2.0 * self.time - self._commanded, self.time
+        self._next_command_time, self._last_command_time = (
+            2.0 * self.time - self._last_command_time,
+            self.time,
+        )
 
     def _next_event(self) -> float:
         schedule = self.scene.inputs
         scheduled = schedule[self._next_command].time if self._next_command < len(schedule) else math.inf
-        return min(scheduled, self.inputs.next_switch())
+        return min(scheduled, self.inputs.next_valve_change())
 
     def _run_events(self, time: float) -> None:
-        while self.inputs.next_switch() <= time + TIME_TOLERANCE:
-            self.inputs.switch()
+        while self.inputs.next_valve_change() <= time + TIME_TOLERANCE:
+            self.inputs.apply_valve_change()
         self._run_schedule(time)
         self._take_commands()
 
@@ -358,7 +360,7 @@ class Simulation:
         ):
             index, self._next_command = self._next_command, self._next_command + 1
             try:
-                self.inputs.follow(schedule[index])
+                self.inputs.apply_scheduled(schedule[index])
             except CommandError as error:
                 raise SceneError(f"{error} @ inputs[{index}]") from error
 
@@ -388,10 +390,13 @@ class Simulation:
             )
         self._step, self._pace, self._held = checkpoint.step, checkpoint.pace, checkpoint.held
         self._next_command = checkpoint.next_command
-        self._commanded, self._expected = checkpoint.last_command_time, checkpoint.next_command_time
+        self._last_command_time, self._next_command_time = (
+            checkpoint.last_command_time,
+            checkpoint.next_command_time,
+        )
         self.time = state.time
-        self.inputs.restore(checkpoint.inputs)
-        self._seen = -1 if checkpoint.is_command_waiting else self.inputs.version
+        self.inputs.set_state(checkpoint.inputs)
+        self._input_version = -1 if checkpoint.is_command_waiting else self.inputs.version
         self.integrator.recall(checkpoint.integrator)
         self.integrator.counters = replace(checkpoint.counters)
         self.statistics.error_estimate = checkpoint.error_estimate

@@ -12,6 +12,7 @@ from threadpoolctl import ThreadpoolController
 
 @cache
 def _libraries() -> tuple[Any, ...]:
+    # Any: threadpoolctl has no types.
     # The controller finds the libraries that are loaded: SciPy brings a BLAS of its own beside NumPy's.
     import scipy.linalg  # noqa: F401
 

@@ -183,7 +183,7 @@ class ArcBaseline:
         scene = load_scene(content_of("arc", nodes))
         springs, force, drive = scene.effect("springs"), scene.effect("force"), scene.effect("driven_edges")
         lattice, mass = scene.lattice, scene.lattice.node_mass[0]
-        self._rest = np.ascontiguousarray(lattice.rest_position.T)
+        self._rest = np.ascontiguousarray(lattice.reference_position.T)
         self._per_interval = round(ERROR_TIMES[0] / h)
         self.h, self.stages = ERROR_TIMES[0] / self._per_interval, stages(1.02 * radius * h)
         self._scheme: Coefficients = coefficients(self.stages)

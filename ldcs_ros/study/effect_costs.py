@@ -57,7 +57,7 @@ def _force(simulation: Simulation) -> Callable[[], object]:
 
 def _jacobian(simulation: Simulation) -> Callable[[], object]:
     model, motion, held = simulation.model, simulation.motion(), simulation.inputs.held()
-    return lambda: model.jacobian(motion.time, motion.q, motion.u, held, definite=False)
+    return lambda: model.jacobian(motion.time, motion.q, motion.u, held, positive_definite=False)
 
 
 def _with_steps(row: Row, simulation: Simulation) -> Row:

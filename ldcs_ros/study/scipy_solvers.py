@@ -54,9 +54,9 @@ def solve(
         while motion.time < times[-1] - TIME_TOLERANCE:
             if command is not None and due <= motion.time + TIME_TOLERANCE:
                 due, count = command(count), count + 1
-            while simulation.inputs.next_switch() <= motion.time + TIME_TOLERANCE:
-                simulation.inputs.switch()
-            ahead = (due, simulation.inputs.next_switch(), *model.breakpoints, times[-1])
+            while simulation.inputs.next_valve_change() <= motion.time + TIME_TOLERANCE:
+                simulation.inputs.apply_valve_change()
+            ahead = (due, simulation.inputs.next_valve_change(), *model.breakpoints, times[-1])
             end = min(time for time in ahead if time > motion.time + TIME_TOLERANCE)
             system = FirstOrder(model, motion, simulation.inputs.held())
 

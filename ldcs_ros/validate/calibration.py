@@ -77,7 +77,7 @@ def _off_the_mid_plane(rest: Rest, name: str, height: float) -> np.ndarray:
     lattice = rest.simulation.lattice
     point = rest.simulation.points[name]
     through = lattice.index[:, point.columns[0], point.rows[0]]
-    now, flat = (np.diff(place[through], axis=0)[0] for place in (rest.position, lattice.rest_position))
+    now, flat = (np.diff(place[through], axis=0)[0] for place in (rest.position, lattice.reference_position))
     further: np.ndarray = MM * height / lattice.size[2] * (now - flat)
     return further
 

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.physics.effects.springs import LAWS
 from ldcs_ros.scene import load_scene
+from ldcs_ros.schema.fields import finite_number
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.measure import Rest, at_rest
 from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS
@@ -114,10 +115,10 @@ def arc_case(law: str) -> Case:
 def calibrated_case() -> Case:
     """Return the shipped calibrated scene."""
     scene = load_scene(CALIBRATED)
-    torque = scene.inputs[-1].torque
+    torque = finite_number(scene.inputs[-1].torque)
 
     names = ", ".join(parameter.short for parameter in PARAMETERS)
-    return Case("calibrated", "the calibrated twin", names, float(torque), at_rest(scene))
+    return Case("calibrated", "the calibrated twin", names, torque, at_rest(scene))
 
 
 def all_cases(tell: Callable[[float], None] = lambda share: None) -> list[Case]:

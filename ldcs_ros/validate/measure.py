@@ -62,7 +62,7 @@ def at_rest(content: dict[str, Any] | Scene) -> Rest:
 
 def displacement(simulation: Simulation) -> dict[str, np.ndarray]:
     """Return how far each named point is from its place in the flat sheet [mm], shape (3,), by name."""
-    now, flat = simulation.state.position, simulation.lattice.rest_position
+    now, flat = simulation.state.position, simulation.lattice.reference_position
     return {
         name: MM * (point.position(now) - point.position(flat)) for name, point in simulation.points.items()
     }

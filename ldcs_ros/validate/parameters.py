@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ldcs_ros.schema.paths import get_value
+from ldcs_ros.schema.paths import get_number
 
 CALIBRATED = "paper_calibrated"
 # Not a key of the scene: the height above the mid-plane at which P0 and P1 are taken [m].
@@ -67,4 +67,4 @@ OPEN = (
 
 def present(content: dict[str, Any], parameter: Parameter) -> float:
     """Return a parameter's value in a scene; the scene must name it."""
-    return 0.0 if parameter.path == SENSOR_HEIGHT else float(get_value(content, parameter.path))
+    return 0.0 if parameter.path == SENSOR_HEIGHT else get_number(content, parameter.path)

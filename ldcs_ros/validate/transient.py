@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ldcs_ros.scene import Scene, load_scene
-from ldcs_ros.schema.paths import get_value, with_values
+from ldcs_ros.schema.paths import get_number, with_values
 from ldcs_ros.validate.measure import MM, at_rest, displacement
 
 DURATION, RATE = 3.0, 200  # s, samples a second
@@ -82,8 +82,8 @@ class Damped:
 
 def with_damping(content: dict[str, Any], damping: float) -> dict[str, Any]:
     """Return a scene with coefficient c [N s/m] in the sheet, and the arms' dampers scaled by the same factor."""
-    factor = damping / float(get_value(content, DAMPERS[0]))
-    return with_values(content, {path: factor * float(get_value(content, path)) for path in DAMPERS})
+    factor = damping / get_number(content, DAMPERS[0])
+    return with_values(content, {path: factor * get_number(content, path) for path in DAMPERS})
 
 
 def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iterator[Damped]:
@@ -101,4 +101,4 @@ def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iter
 
 def time_constant(content: dict[str, Any]) -> float:
     """Return c / k of the sheet's springs [s]: how slowly a stretched spring creeps back against its own damper."""
-    return float(get_value(content, DAMPERS[0])) / float(get_value(content, "effects.springs.stiffness"))
+    return get_number(content, DAMPERS[0]) / get_number(content, "effects.springs.stiffness")

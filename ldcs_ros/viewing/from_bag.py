@@ -144,7 +144,7 @@ def _write_curves(
     for name in sorted({*truth, *measured}):
         origin = (truth if name in truth else measured)[name].first
         if scene is not None and name in scene.points:
-            origin = scene.points[name].position(scene.lattice.rest_position)
+            origin = scene.points[name].position(scene.lattice.reference_position)
         for tracks, plot, dots in ((truth, f"{name} state", False), (measured, f"{name} tracker", True)):
             if name in tracks:
                 moved = MM * (tracks[name].value - origin)

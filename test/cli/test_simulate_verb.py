@@ -49,7 +49,7 @@ def test_the_json_summary_agrees_with_the_simulation(ldcs, scene_file):
     simulation = load_scene(scene_file).build()
     simulation.advance_to(0.1)
     moved = 1e3 * (
-        simulation.pose("P1")[0] - simulation.points["P1"].position(simulation.lattice.rest_position)
+        simulation.pose("P1")[0] - simulation.points["P1"].position(simulation.lattice.reference_position)
     )
     assert np.allclose(report["displacement_mm"]["P1"], moved, rtol=0.0, atol=1e-3)
     assert report["time"] == 0.1 and report["bag"] is None and outcome.err == ""

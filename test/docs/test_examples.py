@@ -75,7 +75,7 @@ def test_the_force_of_the_tether_is_minus_its_energys_gradient(monkeypatch):
     spec.loader.exec_module(module)
     scene = load_scene("hanging_sheet")
     term = module.Tether(at="P1").bind(Assembly(scene.lattice, scene.points, scene.lattice.node_mass))
-    q = scene.lattice.rest_position.ravel() + np.random.default_rng(1).normal(
+    q = scene.lattice.reference_position.ravel() + np.random.default_rng(1).normal(
         0.0, 1e-3, 3 * scene.lattice.n_nodes
     )
     force = np.zeros_like(q)

@@ -27,7 +27,9 @@ def _slack(simulation, accuracy: float, moved: float) -> float:
     model = simulation.model
     length = max(simulation.lattice.size)
     motion = simulation.last_step.right
-    by_position, _ = model.jacobian(motion.time, motion.q, motion.u, simulation.inputs.held(), definite=True)
+    by_position, _ = model.jacobian(
+        motion.time, motion.q, motion.u, simulation.inputs.held(), positive_definite=True
+    )
     stiffest = float(np.abs(by_position).max(initial=0.0)) * len(model.free)
     return AUDIT_FACTOR * accuracy / length * moved + stiffest * (3.0 * accuracy) ** 2
 

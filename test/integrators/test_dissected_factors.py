@@ -39,7 +39,7 @@ def test_a_dissected_sheet_is_solved_like_a_band(monkeypatch, scene, nodes, spri
     for size in (0, 10**9):
         monkeypatch.setattr(linear, "DISSECTED_SIZE", size)
         system = linear.LinearSystem(simulation.model)
-        factors = system.factor(motion.time, motion.q, motion.u, held, 0.01, turning=True)
+        factors = system.factor(motion.time, motion.q, motion.u, held, 0.01, corotated=True)
         solutions.append(factors.solve(right))
     scale = np.abs(solutions[1]).max()
     # Single precision, and a matrix whose condition number is about 1e4.
@@ -48,7 +48,7 @@ def test_a_dissected_sheet_is_solved_like_a_band(monkeypatch, scene, nodes, spri
 
 def test_every_slot_belongs_to_one_entry():
     model = _simulation("arc", [7, 10]).model
-    rows, columns = model.entries
+    rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     storage = Dissection(model, rows[used], columns[used])
     pairs = np.stack([np.maximum(rows, columns)[used], np.minimum(rows, columns)[used]])
@@ -61,7 +61,7 @@ def test_every_slot_belongs_to_one_entry():
 
 def test_a_matrix_that_is_not_definite_is_told():
     model = _simulation("arc", [7, 7]).model
-    rows, columns = model.entries
+    rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     storage = Dissection(model, rows[used], columns[used])
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):

@@ -34,11 +34,11 @@ def small(scene):
 def dense_spectrum(model, motion, inputs):
     """All eigenvalues of the linearised first-order system, by a dense solver [1/s]."""
     n = len(model.free)
-    rows, columns = model.entries
+    rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     dense = np.zeros((2, n, n))
     for block, values in zip(
-        dense, model.jacobian(motion.time, motion.q, motion.u, inputs, definite=False), strict=True
+        dense, model.jacobian(motion.time, motion.q, motion.u, inputs, positive_definite=False), strict=True
     ):
         np.add.at(block, (rows[used], columns[used]), values[used])
     mass = np.array([model.momentum(motion.q, unit) for unit in np.eye(n)]).T
@@ -62,7 +62,7 @@ def test_steps_begin_to_grow_at_the_stability_limit(name, scene):
     simulation = load_scene(scene).build()
     model = simulation.model
     method = integrator_class(name)(model)
-    rest = method.start(0.0, *model.rest(), NO_INPUTS)
+    rest = method.start(0.0, *model.reference_state(), NO_INPUTS)
     limit = method.stability_limit(rest, NO_INPUTS)
     # A push in all directions: the loads alone do not excite every mode.
     push = np.random.default_rng(1).normal(0.0, 1e-3, len(model.free))
@@ -113,7 +113,7 @@ def test_a_limit_that_falls_during_a_run_ends_it_instead_of_giving_rubbish(name)
     with pytest.raises(DivergenceError, match="stability limit|grows"):
         simulation.advance_to(0.5)
     assert np.isfinite(simulation.state.position).all()
-    assert np.abs(simulation.state.position - simulation.lattice.rest_position).max() < 0.01
+    assert np.abs(simulation.state.position - simulation.lattice.reference_position).max() < 0.01
 
 
 @pytest.mark.parametrize("name", PLAIN)

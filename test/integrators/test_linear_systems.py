@@ -16,8 +16,8 @@ def test_a_solve_inverts_the_dense_symmetric_matrix(scene):
     simulation.advance_to(0.05)
     model, held, h = simulation.model, simulation.inputs.held(), 0.01
     state = simulation.motion()
-    by_position, by_rate = model.jacobian(state.time, state.q, state.u, held, definite=False)
-    rows, columns = model.entries
+    by_position, by_rate = model.jacobian(state.time, state.q, state.u, held, positive_definite=False)
+    rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     dense = np.zeros((len(model.free), len(model.free)))
     np.add.at(dense, (rows[used], columns[used]), -h * (by_rate + h * by_position)[used])
@@ -32,7 +32,7 @@ def test_a_solve_inverts_the_dense_symmetric_matrix(scene):
 def test_an_indefinite_matrix_falls_back_to_its_stable_part():
     simulation = load_scene("arc").build()
     model = simulation.model
-    q, u = model.rest()
+    q, u = model.reference_state()
     q.reshape(-1, 3)[:, :] *= 0.5  # squeezed to half: the exact stiffness has negative directions
     model.prescribe(0.0, q, u)
     factors = LinearSystem(model).factor(0.0, q, u, simulation.inputs.held(), 10.0)

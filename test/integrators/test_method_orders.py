@@ -27,7 +27,7 @@ def _errors(model: Model, name: str, end: float, counts, exact):
     errors = []
     for count in counts:
         method = integrator_class(name)(model)
-        motion = method.start(0.0, *model.rest(), NO_INPUTS)
+        motion = method.start(0.0, *model.reference_state(), NO_INPUTS)
         for _ in range(count):
             motion = method.step(motion, NO_INPUTS, end / count, TIGHT).right
         errors.append(np.abs(motion.q - exact).max())
@@ -51,7 +51,7 @@ def oscillator(time: float) -> float:
 def test_the_stated_order_is_the_measured_one_on_a_damped_oscillator(name):
     model = load_scene("single_spring").build().model
     end = 0.08  # s: between an extremum and a zero, where neither phase nor amplitude errors hide
-    exact, _ = model.rest()
+    exact, _ = model.reference_state()
     exact.reshape(-1, 3)[[2, 3, 6, 7], 0] += oscillator(end)
     counts = np.array([40, 80, 160])
     errors = _errors(model, name, end, counts, exact)
@@ -77,7 +77,7 @@ def test_stiff_damping_costs_no_order_on_the_sheet(name):
     counts = counts * SHORTER.get(name, 1)
     model = _sheet("axiswise" if linear else "axial")
     method = integrator_class(name)(model)
-    start = method.start(0.0, *model.rest(), NO_INPUTS)
+    start = method.start(0.0, *model.reference_state(), NO_INPUTS)
     for _ in range(200):
         start = method.step(start, NO_INPUTS, 5e-4, TIGHT).right
 

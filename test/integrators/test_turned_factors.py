@@ -24,8 +24,10 @@ def _moving(scene, nodes=None, **springs):
 def _contraction(simulation, factors):
     """Return the spectral radius of 1 - W~^-1 W by power iteration, W from the exact Jacobian."""
     model, motion = simulation.model, simulation.motion()
-    values = model.jacobian(motion.time, motion.q, motion.u, simulation.inputs.held(), definite=False)
-    rows, columns = model.entries
+    values = model.jacobian(
+        motion.time, motion.q, motion.u, simulation.inputs.held(), positive_definite=False
+    )
+    rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     w = np.zeros((len(model.free), len(model.free)))
     np.add.at(w, (rows[used], columns[used]), -RATE_STEP * (values[1] + RATE_STEP * values[0])[used])
@@ -59,14 +61,14 @@ def _fresh_contraction(simulation):
     motion, held = simulation.motion(), simulation.inputs.held()
     where = motion.time, motion.q, motion.u, held, RATE_STEP
     system = LinearSystem(simulation.model)
-    return _contraction(simulation, system.turn(system.factor(*where, turning=True), *where))
+    return _contraction(simulation, system.turn(system.factor(*where, corotated=True), *where))
 
 
 def test_factors_of_another_step_are_scaled():
     simulation = _moving("arc", [9, 9])
     motion, held = simulation.motion(), simulation.inputs.held()
     system = LinearSystem(simulation.model)
-    old = system.factor(motion.time, motion.q, motion.u, held, RATE_STEP / 1.3, turning=True)
+    old = system.factor(motion.time, motion.q, motion.u, held, RATE_STEP / 1.3, corotated=True)
     assert _contraction(simulation, system.turn(old, motion.time, motion.q, motion.u, held, RATE_STEP)) < 0.35
 
 

@@ -17,7 +17,7 @@ from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.twin.twin import Twin
 
 PAPER = load_scene("paper")
-REST = PAPER.lattice.rest_position
+REST = PAPER.lattice.reference_position
 STRAIGHT = np.zeros((2, 4))
 
 
@@ -82,7 +82,7 @@ def test_a_payload_is_a_ball_of_its_weight_with_its_arrow_and_label():
 def test_the_force_of_a_scene_is_an_arrow_with_its_size():
     markers = Markers(load_scene("arc"))
     lattice = load_scene("arc").lattice
-    loads = shown(markers, "loads", position=lattice.rest_position, link_angle=np.zeros((0, 0)))
+    loads = shown(markers, "loads", position=lattice.reference_position, link_angle=np.zeros((0, 0)))
     assert ends(loads["force"])[1, 2] < ends(loads["force"])[0, 2]
     assert loads["force/label"].text.endswith(" N")
 
@@ -128,7 +128,7 @@ def test_a_link_reaches_from_joint_to_joint():
 
 def test_driven_edges_are_drawn_as_they_stand():
     scene = load_scene("arc")
-    rest = scene.lattice.rest_position
+    rest = scene.lattice.reference_position
     arms = shown(Markers(scene), "arms", position=rest, link_angle=np.zeros((0, 0)))
     assert set(arms) == {"y_min", "y_max"}
     assert ends(arms["y_max"])[:, 1] == pytest.approx(0.07)

@@ -52,7 +52,7 @@ def general_motion():
 
     def motion(model: Model, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         random = np.random.default_rng(seed)
-        q, u = model.rest()
+        q, u = model.reference_state()
         n = 3 * model.lattice.n_nodes
         q[:n] += random.normal(0.0, 2e-3, n)
         q[n:] += random.normal(0.0, 0.3, len(q) - n)

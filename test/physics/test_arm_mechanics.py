@@ -63,7 +63,7 @@ def test_half_a_joint_at_the_base_puts_the_stations_on_an_arc():
         "effects": [{"type": "springs"}, {"type": "clamp"}, {"type": "arms", "drive": "curvature"}],
     }
     simulation = load_scene(scene).build()
-    q, u = simulation.model.rest()
+    q, u = simulation.model.reference_state()
     simulation.model.prescribe(5.0, q, u)
     stations = simulation.model.arms.station_positions(q)[0]
     radius = 1.0 / 8.695652173913043
@@ -79,7 +79,7 @@ def test_a_stiff_base_and_a_raised_backbone_keep_the_flat_sheet_flat():
         "effects": [{"type": "springs"}, {"type": "clamp"}, arms],
     }
     simulation = load_scene(scene).build()
-    q, u = simulation.model.rest()
+    q, u = simulation.model.reference_state()
     assert np.abs(simulation.model.force(0.0, q, u, simulation.inputs.held())).max() < 1e-9
     stations = simulation.model.arms.station_positions(q)[0]
     np.testing.assert_allclose(stations[:, 0], [0.0, 0.035, 0.070, 0.105, 0.140], atol=1e-15)

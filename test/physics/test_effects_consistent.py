@@ -40,13 +40,13 @@ def test_force_is_minus_the_energy_gradient(case, make_model, general_motion):
 def test_jacobian_is_the_slope_of_the_force(case, make_model, general_motion):
     model = make_model(case)
     q, u = general_motion(model)
-    by_position, by_rate = model.jacobian(0.0, q, u, NO_INPUTS, definite=False)
+    by_position, by_rate = model.jacobian(0.0, q, u, NO_INPUTS, positive_definite=False)
     for values, slopes in (
         (by_position, _slopes(lambda x: model.force(0.0, x, u, NO_INPUTS), q)),
         (by_rate, _slopes(lambda x: model.force(0.0, q, x, NO_INPUTS), u)),
     ):
         dense = np.zeros_like(slopes)
-        np.add.at(dense, model.entries, values)
+        np.add.at(dense, model.jacobian_pattern, values)
         np.testing.assert_allclose(dense, slopes, atol=1e-6 * max(np.abs(slopes).max(), 1e-3))
 
 
@@ -55,9 +55,9 @@ def test_the_definite_part_of_a_jacobian_has_no_energy_source(case, make_model, 
     model = make_model(case)
     for seed in range(3):
         q, u = general_motion(model, seed)
-        for values in model.jacobian(0.0, q, u, NO_INPUTS, definite=True):
+        for values in model.jacobian(0.0, q, u, NO_INPUTS, positive_definite=True):
             dense = np.zeros((len(model.free), len(model.free)))
-            np.add.at(dense, model.entries, values)
+            np.add.at(dense, model.jacobian_pattern, values)
             eigenvalues = np.linalg.eigvalsh(0.5 * (dense + dense.T))
             assert eigenvalues.max() <= 1e-9 * max(np.abs(eigenvalues).max(), 1e-12)
 
@@ -85,7 +85,7 @@ def test_a_driven_edge_moves_at_the_rate_of_its_place(make_model):
     for time in (0.0, 0.02, 0.3, 0.7, 0.999, 1.5):
         places = []
         for t in (time - h, time + h, time):
-            q, u = model.rest()
+            q, u = model.reference_state()
             model.prescribe(t, q, u)
             places.append(q)
         # Smoothstep has a corner in its slope's slope at 0 and 1: 6 h of error there.

@@ -38,16 +38,16 @@ def test_springs_join_all_nodes_at_most_one_cell_apart(nodes):
 
 
 def test_rest_positions_are_centred_on_the_clamped_edge():
-    assert PAPER.rest_position[PAPER.node("bottom", 0, 0)] == pytest.approx([0.0, -0.07, -0.005])
-    assert PAPER.rest_position[PAPER.node("top", 8, 8)] == pytest.approx([0.14, 0.07, 0.005])
+    assert PAPER.reference_position[PAPER.node("bottom", 0, 0)] == pytest.approx([0.0, -0.07, -0.005])
+    assert PAPER.reference_position[PAPER.node("top", 8, 8)] == pytest.approx([0.14, 0.07, 0.005])
     assert PAPER.node_area.sum() == pytest.approx(2 * 0.14 * 0.14)
 
 
 @pytest.mark.parametrize("nodes", [(9, 9), (8, 9), (2, 2), (33, 4)])
 def test_centre_and_free_edge_are_places_at_any_resolution(nodes):
     lattice = Lattice((0.14, 0.14, 0.01), nodes, 0.16)
-    assert point_at(lattice, "centre").position(lattice.rest_position) == pytest.approx([0.07, 0.0, 0.0])
-    assert point_at(lattice, ["top", "free_edge"]).position(lattice.rest_position) == pytest.approx(
+    assert point_at(lattice, "centre").position(lattice.reference_position) == pytest.approx([0.07, 0.0, 0.0])
+    assert point_at(lattice, ["top", "free_edge"]).position(lattice.reference_position) == pytest.approx(
         [0.14, 0.0, 0.005]
     )
 
@@ -63,10 +63,10 @@ def test_a_place_that_is_not_there_is_refused(place):
 @pytest.mark.parametrize("name", ["centre", "free_edge", "node_top_0_0", "node_bottom_8_3"])
 def test_a_frame_turns_with_the_sheet(name):
     turn = _rotation((0.3, -0.8, 0.5), 2.2)
-    position, orientation = point_at(PAPER, name).pose(PAPER.rest_position @ turn.T + 0.3)
+    position, orientation = point_at(PAPER, name).pose(PAPER.reference_position @ turn.T + 0.3)
     np.testing.assert_allclose(orientation, quaternion(turn), atol=1e-12)
     np.testing.assert_allclose(
-        position, turn @ point_at(PAPER, name).position(PAPER.rest_position) + 0.3, atol=1e-12
+        position, turn @ point_at(PAPER, name).position(PAPER.reference_position) + 0.3, atol=1e-12
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError
 from ldcs_ros.physics.effects import effect_class
-from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands, Valve, Wrench
+from ldcs_ros.physics.inputs import NO_INPUTS, ChamberPressure, HeldCommands, Wrench
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import point_at
@@ -26,7 +26,7 @@ def model_of(*effects):
 
 
 def force_of(model, q=None, u=None, inputs=NO_INPUTS):
-    q0, u0 = model.rest()
+    q0, u0 = model.reference_state()
     return model.force(0.0, q0 if q is None else q, u0 if u is None else u, inputs)
 
 
@@ -41,7 +41,7 @@ def on_node(model, force, node):
 def test_drag_is_half_density_times_coefficient_area_and_speed_squared(place, area):
     model = model_of(("drag", {"density": 1000.0, "coefficient": 1.2}))
     node = LATTICE.node(*place)
-    q, u = model.rest()
+    q, u = model.reference_state()
     u[3 * node : 3 * node + 3] = [0.0, 3.0, -4.0]
     expected = 0.5 * 1000.0 * 1.2 * (area / 2.0) * 25.0  # each layer carries half of the sheet's drag
     force = on_node(model, force_of(model, q, u), node)
@@ -50,7 +50,7 @@ def test_drag_is_half_density_times_coefficient_area_and_speed_squared(place, ar
 
 def test_drag_of_a_sheet_that_moves_flat_is_that_of_one_plate():
     model = model_of(("drag", {"density": 1.2, "coefficient": 1.1}))
-    q, u = model.rest()
+    q, u = model.reference_state()
     u[2::3] = 2.0
     assert force_of(model, q, u)[2::3].sum() == pytest.approx(-0.5 * 1.2 * 1.1 * (0.10 * 0.12) * 4.0)
 
@@ -79,14 +79,14 @@ def test_the_corner_of_a_blown_up_sheet_is_pulled_by_seven_springs(law):
     # the seven other corners of the cell four lie further along each axis.
     k, s = 70.0, 1e-3
     model = model_of(("springs", {"law": law, "stiffness": k, "damping": 0.0}))
-    q, u = model.rest()
+    q, u = model.reference_state()
     force = on_node(model, force_of(model, (1.0 + s) * q, u), LATTICE.node("bottom", 0, 0))
     np.testing.assert_allclose(force, 4.0 * k * s * np.array([0.05, 0.04, 0.01]), rtol=1e-6)
 
 
 def test_a_damper_pulls_with_its_coefficient_times_the_rate_of_length():
     model = model_of(("springs", {"law": "axial", "stiffness": 0.0, "damping": 5.0}))
-    q, u = model.rest()
+    q, u = model.reference_state()
     u[3 * LATTICE.node("top", 0, 0) + 2] = 0.3
     force = on_node(model, force_of(model, q, u), LATTICE.node("bottom", 0, 0))
     assert force[2] == pytest.approx(
@@ -98,7 +98,7 @@ def test_contact_pushes_with_its_stiffness_and_a_closing_speed_adds_its_part():
     k, w, beta = 1000.0, 1e-4, 10.0
     floor = {"height": -0.005 + 3e-4, "stiffness": k, "damping": beta, "onset": w}
     model = model_of(("floor", floor))
-    q, u = model.rest()
+    q, u = model.reference_state()
     node = LATTICE.node("bottom", 1, 1)
     still = k * (3e-4 - w / 2.0)
     assert on_node(model, force_of(model), node)[2] == pytest.approx(still)
@@ -122,10 +122,10 @@ def test_a_torque_on_every_joint_is_a_torque_on_the_last_link_only():
 
 def test_pressure_drives_each_joint_with_its_gain():
     model = model_of(("arms", {"links": 2, "drive": "pressure", "pressure_gain": 2e-6}))
-    valves = tuple(Valve(0.0, pressure, pressure, 0.1, 0.1) for pressure in (100e3, 50e3))
-    empty = tuple(Valve(0.0, 0.0, 0.0, 0.1, 0.1) for _ in range(2))
-    difference = force_of(model, inputs=HeldCommands(valves=valves)) - force_of(
-        model, inputs=HeldCommands(valves=empty)
+    valves = tuple(ChamberPressure(0.0, pressure, pressure, 0.1, 0.1) for pressure in (100e3, 50e3))
+    empty = tuple(ChamberPressure(0.0, 0.0, 0.0, 0.1, 0.1) for _ in range(2))
+    difference = force_of(model, inputs=HeldCommands(chambers=valves)) - force_of(
+        model, inputs=HeldCommands(chambers=empty)
     )
     np.testing.assert_allclose(difference[3 * LATTICE.n_nodes :], [0.0, 0.2, 0.0, 0.1], atol=1e-12)
 
@@ -137,7 +137,7 @@ def test_a_joint_resists_its_own_angle_and_the_base_joint_as_half_a_link(key, mo
     forces = []
     for number in (0.0, value):
         model = model_of(("arms", {**base, key: number}))
-        q, u = model.rest()
+        q, u = model.reference_state()
         (u if moving else q)[3 * LATTICE.n_nodes :] = np.tile(angles, 2)
         forces.append(force_of(model, q, u, HeldCommands(torque=np.zeros((2, 3))))[3 * LATTICE.n_nodes :])
     bends = np.diff(angles, prepend=0.0)
@@ -147,17 +147,19 @@ def test_a_joint_resists_its_own_angle_and_the_base_joint_as_half_a_link(key, mo
 
 
 def test_a_chamber_fills_and_vents_by_its_own_exponential():
-    assert Valve(1.0, 20e3, 100e3, 0.15, 0.1).at(1.3) == pytest.approx(100e3 - 80e3 * math.exp(-2.0))
-    assert Valve(1.0, 100e3, 20e3, 0.15, 0.1).at(1.3) == pytest.approx(20e3 + 80e3 * math.exp(-3.0))
+    assert ChamberPressure(1.0, 20e3, 100e3, 0.15, 0.1).at(1.3) == pytest.approx(
+        100e3 - 80e3 * math.exp(-2.0)
+    )
+    assert ChamberPressure(1.0, 100e3, 20e3, 0.15, 0.1).at(1.3) == pytest.approx(20e3 + 80e3 * math.exp(-3.0))
 
 
 def test_a_wrench_gives_its_force_and_its_moment():
     model = model_of(("wrench", {}))
     wrench = Wrench(force=(0.1, 0.2, 0.3), torque=(0.01, -0.02, 0.03))
     force = force_of(model, inputs=HeldCommands(wrenches={"node_top_1_1_aligned": wrench})).reshape(-1, 3)
-    origin = LATTICE.rest_position[LATTICE.node("top", 1, 1)]
+    origin = LATTICE.reference_position[LATTICE.node("top", 1, 1)]
     np.testing.assert_allclose(force.sum(axis=0), wrench.force, atol=1e-12)
-    moment = np.cross(LATTICE.rest_position - origin, force).sum(axis=0)
+    moment = np.cross(LATTICE.reference_position - origin, force).sum(axis=0)
     np.testing.assert_allclose(moment, wrench.torque, atol=1e-12)
 
 

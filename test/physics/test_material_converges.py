@@ -22,10 +22,10 @@ def _sheet(nodes, poisson):
     size = (LENGTH, WIDTH, THICKNESS)
     lattice = Lattice(size, nodes, material.mass(size), mass_by_area=True)
     model = Model(lattice, {}, [effect_class("springs")()], material)
-    q, u = model.rest()
-    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, definite=False)
+    q, u = model.reference_state()
+    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, positive_definite=False)
     shape = (model.n_coordinates, model.n_coordinates)
-    return lattice, coo_matrix((-by_position, model.entries), shape=shape).tocsc()
+    return lattice, coo_matrix((-by_position, model.jacobian_pattern), shape=shape).tocsc()
 
 
 def _small_displacement(stiffness, held, force):
@@ -80,9 +80,9 @@ def test_a_narrow_cantilever_bends_like_a_beam():
     size = (0.14, 0.02, 0.01)
     lattice = Lattice(size, (29, 5), material.mass(size), mass_by_area=True)
     model = Model(lattice, {}, [effect_class("springs")()], material)
-    q, u = model.rest()
-    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, definite=False)
-    stiffness = coo_matrix((-by_position, model.entries), shape=(3 * lattice.n_nodes,) * 2).tocsc()
+    q, u = model.reference_state()
+    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, positive_definite=False)
+    stiffness = coo_matrix((-by_position, model.jacobian_pattern), shape=(3 * lattice.n_nodes,) * 2).tocsc()
     force = np.zeros(3 * lattice.n_nodes)
     force[2::3] = -1e-3 * lattice.node_area / lattice.node_area.sum()
     held = (3 * lattice.index[:, 0].ravel()[:, None] + np.arange(3)).ravel()

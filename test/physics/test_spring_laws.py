@@ -13,7 +13,7 @@ from ldcs_ros.physics.rotation import best_rotation
 def _turned(model, angle=0.7):
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    q, _ = model.rest()
+    q, _ = model.reference_state()
     x = q.reshape(-1, 3) @ turn.T + [0.1, 0.2, 0.3]
     spin, drift = np.array([0.4, -2.0, 1.0]), np.array([1.0, 2.0, -0.5])
     return x.ravel(), (np.cross(spin, x) + drift).ravel()
@@ -54,7 +54,7 @@ def test_only_the_corotational_law_resists_pure_shear_between_layers_at_first_or
     stiff = {}
     for law in ("axial", "corotational"):
         model = make_model(f"springs {law}")
-        q, u = model.rest()
+        q, u = model.reference_state()
         bent = q.reshape(-1, 3).copy()
         bent[:, 2] += 0.5 * 2.0 * bent[:, 0] ** 2  # curvature 2 1/m
         stiff[law] = model.potential_energy(0.0, bent.ravel())
@@ -63,12 +63,12 @@ def test_only_the_corotational_law_resists_pure_shear_between_layers_at_first_or
 
 def test_coincident_nodes_are_pushed_apart_along_the_rest_axis(make_model):
     model = make_model("springs axial")
-    q, u = model.rest()
+    q, u = model.reference_state()
     a, b = model.lattice.springs[0]
     q.reshape(-1, 3)[b] = q.reshape(-1, 3)[a]
     force = model.force(0.0, q, u, NO_INPUTS).reshape(-1, 3)
     assert np.isfinite(force).all()
-    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, definite=False)
+    by_position, _ = model.jacobian(0.0, q, u, NO_INPUTS, positive_definite=False)
     assert np.isfinite(by_position).all()
 
 
@@ -82,10 +82,10 @@ def test_compiled_and_whole_array_kernels_agree(make_model, general_motion):
     axial._add_force_whole(*parts, whole)
     np.testing.assert_allclose(loop, whole, atol=1e-12)
     n = model.lattice.n_nodes
-    for definite in (False, True):
+    for positive_definite in (False, True):
         tables = [[np.zeros((n + 2 * len(term.a), 3, 3)) for _ in range(2)] for _ in range(2)]
-        axial._fill_jacobian_loop(*parts, definite, False, n, *tables[0])
-        axial._fill_jacobian_whole(*parts, definite, False, n, *tables[1])
+        axial._fill_jacobian_loop(*parts, positive_definite, False, n, *tables[0])
+        axial._fill_jacobian_whole(*parts, positive_definite, False, n, *tables[1])
         np.testing.assert_allclose(tables[0], tables[1], atol=1e-9)
 
 

@@ -21,7 +21,7 @@ def model_of(name, *more):
 
 def moved(model, seed):
     rng = np.random.default_rng(seed)
-    q, u = model.rest()
+    q, u = model.reference_state()
     q += 1e-3 * rng.normal(size=q.size)
     u += rng.normal(size=u.size)
     model.prescribe(0.3, q, u)

@@ -75,7 +75,7 @@ def test_wall_clock_stamps_count_from_the_start_and_simulation_stamps_from_zero(
 def test_the_recorded_scene_tells_rest_shape_arms_and_loads(recording, scene):
     annotations = annotations_of(recording, surface_track(recording))
     assert annotations.title == scene.title
-    assert np.array_equal(annotations.rest.reshape(-1, 3), scene.lattice.rest_position)
+    assert np.array_equal(annotations.rest.reshape(-1, 3), scene.lattice.reference_position)
     assert annotations.driven == (0, 3)
     assert [load.mass for load in annotations.loads] == [0.010, 0.0]
     assert annotations.loads[1].force.tolist() == [0.0, 0.1, 0.0]

@@ -12,17 +12,17 @@ from ldcs_ros.errors import SceneError
 from ldcs_ros.scene.mesh_change import carry_places
 
 
-def rest_position(scene, place):
+def reference_position(scene, place):
     """Position of a point or node at rest [m], shape (3,)."""
     point = scene.points[place] if place in scene.points else None
-    return point.position(scene.lattice.rest_position)
+    return point.position(scene.lattice.reference_position)
 
 
 @pytest.mark.parametrize("nodes", ["[17,17]", "[5,5]", "[9,17]"])
 def test_a_refined_sheet_has_its_points_at_the_same_places(nodes):
     coarse, fine = load_scene("paper"), scene_with("paper", [f"lattice.nodes={nodes}"])
     for name in ("P0", "P1"):
-        assert np.allclose(rest_position(fine, name), rest_position(coarse, name), atol=1e-15)
+        assert np.allclose(reference_position(fine, name), reference_position(coarse, name), atol=1e-15)
 
 
 def test_the_payload_of_the_refined_paper_hangs_where_it_hung(capsys):

@@ -11,7 +11,7 @@ from ldcs_ros import load_scene
 def test_a_started_shape_is_the_state_but_for_what_is_prescribed():
     simulation = load_scene("paper").build()
     random = np.random.default_rng(1)
-    rest = simulation.lattice.rest_position
+    rest = simulation.lattice.reference_position
     position = rest + random.normal(0.0, 1e-3, rest.shape)
     velocity = random.normal(0.0, 0.1, rest.shape)
     simulation.start_from(position, velocity, link_angle=np.full((2, 4), 0.1))
@@ -29,7 +29,7 @@ def test_a_started_shape_is_the_state_but_for_what_is_prescribed():
 
 def test_starting_from_the_rest_shape_is_the_scenes_own_start():
     own, started = load_scene("arc").build(), load_scene("arc").build()
-    started.start_from(started.lattice.rest_position)
+    started.start_from(started.lattice.reference_position)
     for simulation in (own, started):
         simulation.advance_to(0.3)
     np.testing.assert_array_equal(own.state.position, started.state.position)
@@ -39,7 +39,7 @@ def test_the_commands_and_the_time_go_on():
     simulation = load_scene("paper").build()
     simulation.advance_to(0.2)
     simulation.inputs.set_torque(0.05)
-    simulation.start_from(simulation.lattice.rest_position)
+    simulation.start_from(simulation.lattice.reference_position)
     assert simulation.time == 0.2
     simulation.advance_to(0.3)
     np.testing.assert_allclose(simulation.joint_torque, 0.05)
@@ -59,7 +59,7 @@ def test_an_unsound_shape_is_refused_whole(change, words):
     simulation.advance_to(0.1)
     before = simulation.state
     with pytest.raises(ValueError, match=words):
-        simulation.start_from(**change(simulation.lattice.rest_position))
+        simulation.start_from(**change(simulation.lattice.reference_position))
     np.testing.assert_array_equal(simulation.state.position, before.position)
     simulation.advance_to(0.15)
 

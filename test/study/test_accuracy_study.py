@@ -20,7 +20,7 @@ def test_the_independent_equations_give_the_accelerations_of_the_model(seed):
     model, equations = simulation.model, Equations(scene)
     np.testing.assert_array_equal(equations.free, model.free)
     rng = np.random.default_rng(seed)
-    q, u = model.rest()
+    q, u = model.reference_state()
     q[model.free] += 0.003 * rng.normal(size=len(model.free))
     u[model.free] += 0.1 * rng.normal(size=len(model.free))
     time = 7e-4

@@ -44,7 +44,7 @@ def test_fitting_again_from_elsewhere_comes_back_to_the_shipped_numbers(content)
 def test_a_sensor_at_half_the_thickness_sits_on_the_top_node(content):
     rest = at_rest(content)
     node = rest.simulation.lattice.node(1, 8, 4)
-    top = 1e3 * (rest.position - rest.simulation.lattice.rest_position)[node]
+    top = 1e3 * (rest.position - rest.simulation.lattice.reference_position)[node]
     seen = calibration.observe(content, {SENSOR_HEIGHT: 0.005})
     np.testing.assert_allclose(seen[2:4], top[[0, 2]], atol=1e-9)
 

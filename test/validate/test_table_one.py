@@ -87,7 +87,7 @@ def test_the_calibrated_stiffness_gives_the_printed_modulus_in_a_tension_test():
     ]
     lattice = {"size": [0.14, 0.14, 0.01], "nodes": [9, 9], "mass": 0.16}
     rest = at_rest({"lattice": lattice, "effects": effects})
-    index, flat = rest.simulation.lattice.index, rest.simulation.lattice.rest_position
+    index, flat = rest.simulation.lattice.index, rest.simulation.lattice.reference_position
     moved = (rest.position - flat)[index][..., 0].mean(axis=(0, 2))
     strain = np.polyfit(np.linspace(0.0, 0.14, 9)[2:-2], moved[2:-2], 1)[0]
     assert pull / (0.14 * 0.01) / strain == pytest.approx(paper.YOUNGS_MODULUS, rel=2e-3)

@@ -30,7 +30,7 @@ def entities(path):
 
 
 def test_the_shaded_mesh_is_the_mesh_with_faces_of_their_own():
-    mesh, rest = ShadedMesh((4, 3)), load_scene("paper").lattice.rest_position
+    mesh, rest = ShadedMesh((4, 3)), load_scene("paper").lattice.reference_position
     grid = np.stack(np.meshgrid([0.0, 1.0], range(4), range(3), indexing="ij"), axis=-1)
     position = grid.reshape(-1, 3)[:, [1, 2, 0]]
     place, normal = mesh.corners(position)

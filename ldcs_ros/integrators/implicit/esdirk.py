@@ -24,7 +24,7 @@ WILD_RATE = 4.0
 SLOW_RATE = 0.25
 # Kept factors are used while the step is within this ratio of the one that they were made for.
 STEP_RATIO = 1.35
-# What an iteration leaves over must not lift a resting sheet off its contact: this share of the onset's width.
+# What an iteration leaves over must not lift a resting sheet off its contact: this fraction of the contact width.
 ONSET_SHARE = 1e-3
 # Factorings that a step may take: of its middle, and of a stage that does not converge with those.
 MOST_FACTORISATIONS = 2
@@ -92,7 +92,7 @@ class Dirk(Integrator):
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
         self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
-        self._onset = min(term.onset for term in self.model.terms)
+        self._contact_width = min(term.contact_width for term in self.model.terms)
 
     @property
     def memory(self) -> Any:
@@ -113,7 +113,7 @@ class Dirk(Integrator):
             return self._stages(motion, inputs, h, tolerance, exactly=False)
         except StepFailure:
             self._factors = None
-            if self._onset == np.inf:
+            if self._contact_width == np.inf:
                 raise
         return self._stages(motion, inputs, h, tolerance, exactly=True)
 
@@ -144,7 +144,7 @@ class Dirk(Integrator):
     ) -> Factors:
         self.counters.factorisations += 1
         try:
-            factors = self._system.factor(time, q, u, inputs, rate_step, turning=True)
+            factors = self._system.factor(time, q, u, inputs, rate_step, corotated=True)
         except np.linalg.LinAlgError as error:
             raise StepFailure(str(error)) from error
         self._factors, self._rate, self._measured = factors, FRESH_RATE, False
@@ -171,7 +171,7 @@ class Dirk(Integrator):
                 rate_step,
                 q0 + h * (tableau.a[i, :i] @ rates[:i]),
                 rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
-                min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._onset),
+                min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._contact_width),
             )
             guess = trail.guess(points, time)
             self.model.prescribe(time, q, u)
@@ -297,7 +297,7 @@ class Dirk(Integrator):
             residual = model.force(stage.time, q, u, inputs) - model.momentum(q, a)
             try:
                 where = stage.time, q, u, inputs, stage.rate_step
-                factors = self._system.turn(self._system.factor(*where, turning=True), *where)
+                factors = self._system.turn(self._system.factor(*where, corotated=True), *where)
             except np.linalg.LinAlgError as error:
                 raise StepFailure(str(error)) from error
             change = factors.solve(residual)

@@ -7,7 +7,7 @@ import numpy as np
 from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, solve_blocks
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.physics import arm
-from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns
+from ldcs_ros.physics.column_frames import fill_column_frames, fill_rotations
 from ldcs_ros.physics.compiled import compiled
 from ldcs_ros.physics.kernels.total_force import TotalForce, add_total_force
 from ldcs_ros.physics.model import Model, Motion
@@ -138,9 +138,9 @@ def _step(  # type: ignore[no-untyped-def]
         nx, ny = int(numbers[7]), int(numbers[8])
         now = np.empty((nx * ny, 3, 3))
         fill_column_frames(q[:first].reshape(-1, 3), nx, ny, now)
-        fill_turns(now, then, columns, turns[0])
+        fill_rotations(now, then, columns, turns[0])
         fill_column_frames((q[:first] + numbers[6] * u[:first]).reshape(-1, 3), nx, ny, now)
-        fill_turns(now, then, columns, turns[1])
+        fill_rotations(now, then, columns, turns[1])
     # The jump of acceleration that lasts through the step. The formula takes the history for one with that jump: past
     # rates through the correction in `steady`, past positions here.
     lasting, correction = np.zeros(n_free), ratio / (1.0 + ratio)

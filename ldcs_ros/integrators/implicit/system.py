@@ -11,7 +11,7 @@ from ldcs_ros.integrators.implicit.banded import Band, BandFactors
 from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, BlockTridiagonal
 from ldcs_ros.integrators.implicit.nested_dissection import Dissection, DissectionFactors
 from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in
-from ldcs_ros.physics.column_frames import fill_column_frames, fill_turns, turned_vectors
+from ldcs_ros.physics.column_frames import fill_column_frames, fill_rotations, rotated_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
@@ -109,14 +109,14 @@ class Factors:
         result = np.empty_like(right)
         nodes = right[self._order]
         if self._turns is not None:
-            nodes = turned_vectors(self._turns[0], nodes, back=True)
+            nodes = rotated_vectors(self._turns[0], nodes, back=True)
         nodes = self._nodes.solve(nodes)
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
             result[self._n :] = angles
         if self._turns is not None:
-            nodes = turned_vectors(self._turns[1], nodes, back=False)
+            nodes = rotated_vectors(self._turns[1], nodes, back=False)
         result[self._order] = nodes
         if self._scale != 1.0:
             result *= self._scale
@@ -133,7 +133,7 @@ class LinearSystem:
         """Args: model: what is solved for; storage: for the nodes' part, None for the one of the lattice's size."""
         self.model = model
         n = model.n_free_nodes
-        rows, columns = model.entries
+        rows, columns = model.jacobian_pattern
         used = (rows >= 0) & (columns >= 0)  # -1 is a prescribed coordinate
         inner = used & (np.maximum(rows, columns) < n)
         share = np.where(rows == columns, 1.0, 0.5)
@@ -157,12 +157,12 @@ class LinearSystem:
         self._corner_slot = ((rows - n) * n_angles + columns - n)[corner]
         # Only the arms have entries in border and corner; theirs start here among all entries.
         before = [term for term in model.terms[: model.terms.index(model.arms)]] if model.arms else []
-        self._arms_start = sum(len(term.entries()[0]) for term in before)
+        self._arms_start = sum(len(term.jacobian_pattern()[0]) for term in before)
 
     def _whole_columns(self, model: Model) -> np.ndarray | None:
         # The column of each free node in the storage's order; None where forces do not turn with the sheet, or a
         # node is free in some directions only.
-        if not model.turns:
+        if not model.corotational:
             return None
         node, axis = np.divmod(model.free[: model.n_free_nodes][self._order], 3)
         if len(node) % 3 or not np.array_equal(
@@ -189,9 +189,9 @@ class LinearSystem:
         inputs: HeldCommands,
         rate_step: float,
         *,
-        turning: bool = False,
+        corotated: bool = False,
     ) -> Factors:
-        """Return the factored W at a motion; of its exact Jacobian if that is definite, else of the stable part.
+        """Return the factored W at a motion: of the exact Jacobian if it is positive definite, else of the stable part.
 
         Args:
             time: Simulation time [s].
@@ -199,16 +199,16 @@ class LinearSystem:
             u: Their rates.
             inputs: What is commanded.
             rate_step: The h of W [s].
-            turning: The factors go through `turn` before they are used.
+            corotated: The factors go through `turn` before they are used.
 
         Raises:
             numpy.linalg.LinAlgError: Even the stable part is not positive definite or not finite.
         """
-        turning = turning and self._columns is not None
+        corotated = corotated and self._columns is not None
         try:
-            return self._assemble(time, q, u, inputs, rate_step, definite=False, turning=turning)
+            return self._assemble(time, q, u, inputs, rate_step, positive_definite=False, corotated=corotated)
         except np.linalg.LinAlgError:
-            return self._assemble(time, q, u, inputs, rate_step, definite=True, turning=turning)
+            return self._assemble(time, q, u, inputs, rate_step, positive_definite=True, corotated=corotated)
 
     def _assemble(
         self,
@@ -218,10 +218,12 @@ class LinearSystem:
         inputs: HeldCommands,
         rate_step: float,
         *,
-        definite: bool,
-        turning: bool,
+        positive_definite: bool,
+        corotated: bool,
     ) -> Factors:
-        by_position, by_rate = self.model.jacobian(time, q, u, inputs, definite=definite, turning=turning)
+        by_position, by_rate = self.model.jacobian(
+            time, q, u, inputs, positive_definite=positive_definite, corotated=corotated
+        )
         if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
             raise np.linalg.LinAlgError("the Jacobian is not finite")
         change = self._placed(-rate_step * (by_rate + rate_step * by_position))
@@ -249,7 +251,7 @@ class LinearSystem:
         tiny turns only. The arms hold the sheet and turn with it, so their couplings are part of W0.
 
         Args:
-            factors: From `factor` with `turning`.
+            factors: From `factor` with `corotated`.
             time: Simulation time [s].
             q: Coordinates [m, rad] to turn to.
             u: Their rates.
@@ -262,8 +264,8 @@ class LinearSystem:
         if self._columns is not None:
             ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
             left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
-            fill_turns(self._frames(q), factors.frames, self._columns, left)
-            fill_turns(self._frames(q + ahead * u), factors.frames, self._columns, right)
+            fill_rotations(self._frames(q), factors.frames, self._columns, left)
+            fill_rotations(self._frames(q + ahead * u), factors.frames, self._columns, right)
             turns = left, right
         if self.links_turned(factors, q):
             factors = self._bordered(factors, time, q, u, inputs, turns)
@@ -291,11 +293,11 @@ class LinearSystem:
     ) -> Factors:
         """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""
         arms, h = self.model.arms, factors.rate_step
-        jacobian = arms.turning_jacobian if turns is not None else arms.jacobian  # type: ignore[union-attr]
+        jacobian = arms.corotated_jacobian if turns is not None else arms.jacobian  # type: ignore[union-attr]
         by_position, by_rate = jacobian(time, q, u, inputs, False)
         border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
         if turns is not None:
-            border = np.stack([turned_vectors(turns[0], column, back=True) for column in border.T], axis=1)
+            border = np.stack([rotated_vectors(turns[0], column, back=True) for column in border.T], axis=1)
         return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
     def _placed(self, values: np.ndarray) -> Bordered:

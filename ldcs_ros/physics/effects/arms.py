@@ -22,8 +22,8 @@ class Arms(Effect):
     """Two arms along the edges y_max (left) and y_min (right), moving in the XZ plane (paper, section II, Figure 3).
 
     Each is a chain of equal links with torsional springs and dampers at its joints. At the base and at the
-    end of each link a massless crosspiece as long as the sheet is thick is joined to the sheet's bottom and
-    top nodes by coupling springs; where a station falls between two columns of nodes it holds the point
+    end of each link a massless rib as long as the sheet is thick is joined to the sheet's bottom and
+    top nodes by coupling springs; where a joint station falls between two columns of nodes it holds the point
     between them. Every number without a source is not printed in the paper: identify it, do not trust it.
 
     Attributes:
@@ -37,7 +37,7 @@ class Arms(Effect):
             divided by it; 0.5 puts the stations of a uniformly bent arm on its arc.
         rigid_base: Length at an arm's base that does not bend, less than a link [m].
         backbone_height: Height of the chain of links above the sheet's mid-plane, inside the sheet [m].
-        crosspiece: Direction of the crosspieces: perpendicular to the link that ends there, or to the
+        crosspiece: Direction of the ribs: perpendicular to the link that ends there, or to the
             bisector of the links that meet there.
         coupling_stiffness: Stiffness of each coupling spring [N/m].
         coupling_damping: Coefficient of each coupling damper [N s/m].
@@ -53,10 +53,10 @@ class Arms(Effect):
     """
 
     name: ClassVar[str] = "arms"
-    drive: str = choice("torque", DRIVES, "what drives the joints", origin="paper, section II: torques")
-    links: int = quantity(4, "", "links of each arm", low=1, high=64, origin="paper, section II")
+    drive: str = choice("torque", DRIVES, "what drives the joints", source="paper, section II: torques")
+    links: int = quantity(4, "", "links of each arm", low=1, high=64, source="paper, section II")
     link_mass: float = quantity(
-        0.005, "kg", "mass of each link", low=1e-9, high=1e3, origin="not printed; light against the sheet"
+        0.005, "kg", "mass of each link", low=1e-9, high=1e3, source="not printed; light against the sheet"
     )
     link_inertia: float = quantity(
         5e-7,
@@ -64,7 +64,7 @@ class Arms(Effect):
         "inertia of each link about its centre",
         low=0.0,
         high=1e3,
-        origin="not printed; uniform rod of 5 g and 35 mm, m l^2 / 12",
+        source="not printed; uniform rod of 5 g and 35 mm, m l^2 / 12",
     )
     joint_stiffness: float = quantity(
         0.34,
@@ -72,7 +72,7 @@ class Arms(Effect):
         "torsional stiffness a link length",
         low=0.0,
         high=1e6,
-        origin="not printed; lifts the loaded sheet by 0.05 m",
+        source="not printed; lifts the loaded sheet by 0.05 m",
     )
     joint_damping: float = quantity(
         0.02,
@@ -80,7 +80,7 @@ class Arms(Effect):
         "torsional damping a link length",
         low=0.0,
         high=1e6,
-        origin="not printed; the surface's own c/k = 1/16 s",
+        source="not printed; the surface's own c/k = 1/16 s",
     )
     base_joint_share: float = quantity(
         0.5,
@@ -88,13 +88,13 @@ class Arms(Effect):
         "part of a link length that the base joint stands for",
         low=1e-3,
         high=1e3,
-        origin="geometry: joint angles (1/2, 1, 1, 1) theta lie on the arc",
+        source="geometry: joint angles (1/2, 1, 1, 1) theta lie on the arc",
     )
     crosspiece: str = choice(
         "link",
         ("link", "bisector"),
-        "what crosspieces are perpendicular to",
-        origin="paper, section II: each main link",
+        "what ribs are perpendicular to",
+        source="paper, section II: each main link",
     )
     coupling_stiffness: float = quantity(
         8000.0,
@@ -102,7 +102,7 @@ class Arms(Effect):
         "stiffness of each coupling spring",
         low=0.0,
         high=1e10,
-        origin="not printed; 'stiffer than the surface's', here 100 times",
+        source="not printed; 'stiffer than the surface's', here 100 times",
     )
     coupling_damping: float = quantity(
         500.0,
@@ -110,7 +110,7 @@ class Arms(Effect):
         "coefficient of each coupling damper",
         low=0.0,
         high=1e10,
-        origin="not printed; the surface's own c/k = 1/16 s",
+        source="not printed; the surface's own c/k = 1/16 s",
     )
     rigid_base: float = quantity(
         0.0,
@@ -118,7 +118,7 @@ class Arms(Effect):
         "length of the stiff fitting at an arm's base",
         low=0.0,
         high=10.0,
-        origin="not printed; as if an arm bent from the clamp on",
+        source="not printed; as if an arm bent from the clamp on",
     )
     backbone_height: float = quantity(
         0.0,
@@ -126,10 +126,10 @@ class Arms(Effect):
         "height above the mid-plane of the line that keeps its length",
         low=-1.0,
         high=1.0,
-        origin="paper, section II: central backbone; its rig has an inextensible layer, at a height not printed",
+        source="paper, section II: central backbone; its rig has an inextensible layer, at a height not printed",
     )
     width: int = quantity(
-        0, "", "cells an arm covers across the sheet", low=0, high=64, origin="paper: border lines only"
+        0, "", "cells an arm covers across the sheet", low=0, high=64, source="paper: border lines only"
     )
     torque_limit: float = quantity(2.0, "N m", "largest commanded joint torque", low=0.0, high=1e6)
     pressure_gain: float = quantity(
@@ -138,7 +138,7 @@ class Arms(Effect):
         "joint torque for a gauge pressure",
         low=0.0,
         high=1.0,
-        origin="not printed; 0.14 N m at 1.4 bar",
+        source="not printed; 0.14 N m at 1.4 bar",
     )
     pressure_limit: float = quantity(
         200e3,
@@ -146,7 +146,7 @@ class Arms(Effect):
         "largest commanded gauge pressure",
         low=0.0,
         high=1e7,
-        origin="paper uses 140 kPa; margin of 1.4",
+        source="paper uses 140 kPa; margin of 1.4",
     )
     fill_time: float = quantity(0.15, "s", "time constant of rising pressure", low=0.0, high=1e3)
     vent_time: float = quantity(0.10, "s", "time constant of falling pressure", low=0.0, high=1e3)
@@ -157,7 +157,7 @@ class Arms(Effect):
         "final curvature of drive 'curvature'",
         low=-1e3,
         high=1e3,
-        origin="paper: r = 0.115 m",
+        source="paper: r = 0.115 m",
     )
     rise_time: float = quantity(1.0, "s", "duration of its smooth rise", low=1e-6, high=1e6)
 
@@ -189,7 +189,7 @@ class ArmsTerm(Term):
 
     name = Arms.name
     commanded = True
-    turns = True
+    corotational = True
 
     def __init__(self, assembly: Assembly, arms: Arms) -> None:
         lattice = assembly.lattice
@@ -200,15 +200,15 @@ class ArmsTerm(Term):
         self.link_length[0] -= arms.rigid_base
         self.base = np.array([arms.rigid_base, arms.backbone_height])
         self.gravity = assembly.gravity
-        share = np.ones(arms.links)
-        share[0] = arms.base_joint_share
-        self.stiffness, self.damping = arms.joint_stiffness / share, arms.joint_damping / share
+        fraction = np.ones(arms.links)
+        fraction[0] = arms.base_joint_share
+        self.stiffness, self.damping = arms.joint_stiffness / fraction, arms.joint_damping / fraction
         self.prescribed = arms.drive == "curvature"
         self.breakpoints = (0.0, arms.rise_time) if self.prescribed else ()
-        self._couple(assembly)
+        self._build_couplings(assembly)
         self._still = np.zeros((2, arms.links))
 
-    def _couple(self, assembly: Assembly) -> None:
+    def _build_couplings(self, assembly: Assembly) -> None:
         # One coupling for each arm, station, row under the arm, and layer.
         lattice, links = assembly.lattice, self.n_links
         nx, ny = lattice.nodes
@@ -218,7 +218,7 @@ class ArmsTerm(Term):
         ):
             for s in range(links + 1):
                 column, remainder = divmod(s * (nx - 1), links)
-                share = remainder / links
+                fraction = remainder / links
                 for j in rows:
                     for level, sign in ((0, -0.5), (1, 0.5)):
                         near, far = (
@@ -228,16 +228,16 @@ class ArmsTerm(Term):
                         arm_of.append(side)
                         station.append(s)
                         offset.append(sign * lattice.size[2] - self.arms.backbone_height)
-                        row_y.append(lattice.rest_position[near, 1])
+                        row_y.append(lattice.reference_position[near, 1])
                         nodes.append((near, far))
-                        weight.append((1.0 - share, share))
-        turn = np.zeros((links + 1, links))
+                        weight.append((1.0 - fraction, fraction))
+        rib_weight = np.zeros((links + 1, links))
         for s in range(1, links + 1):
-            turn[s, s - 1] = 1.0
+            rib_weight[s, s - 1] = 1.0
             if self.arms.crosspiece == "bisector" and links > 1:
                 before, after = (s - 1, s) if s < links else (s - 2, s - 1)
-                turn[s] = 0.0
-                turn[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
+                rib_weight[s] = 0.0
+                rib_weight[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
         self.couplings = (
             np.array(arm_of),
             np.array(station),
@@ -245,7 +245,7 @@ class ArmsTerm(Term):
             np.array(row_y),
             np.array(nodes),
             np.array(weight),
-            turn,
+            rib_weight,
             self.arms.coupling_stiffness,
             self.arms.coupling_damping,
         )
@@ -254,22 +254,22 @@ class ArmsTerm(Term):
         """Return the arms' part of a flat vector, shape (2, n_links), as a view."""
         return flat[self.first :].reshape(2, self.n_links)
 
-    def fixed(self) -> np.ndarray:
-        return self.first + np.arange(2 * self.n_links) if self.prescribed else super().fixed()
+    def constrained_dofs(self) -> np.ndarray:
+        return self.first + np.arange(2 * self.n_links) if self.prescribed else super().constrained_dofs()
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         if self.prescribed:
-            share, share_rate = smoothstep(time / self.arms.rise_time)
+            fraction, fraction_rate = smoothstep(time / self.arms.rise_time)
             bend = self.arms.curvature * (np.cumsum(self.link_length) - 0.5 * self.link_length)
-            self.angles(q)[:] = share * bend
-            self.angles(u)[:] = share_rate / self.arms.rise_time * bend
+            self.angles(q)[:] = fraction * bend
+            self.angles(u)[:] = fraction_rate / self.arms.rise_time * bend
 
     def drive_torque(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (2, n_links)."""
         if self.arms.drive == "torque" and inputs.torque is not None:
             return inputs.torque
-        if self.arms.drive == "pressure" and inputs.valves:
-            pressure = np.array([[valve.at(time)] for valve in inputs.valves])
+        if self.arms.drive == "pressure" and inputs.chambers:
+            pressure = np.array([[chamber.at(time)] for chamber in inputs.chambers])
             return np.repeat(self.arms.pressure_gain * pressure, self.n_links, axis=1)
         return self._still
 
@@ -319,17 +319,17 @@ class ArmsTerm(Term):
         total = 0.5 * float(np.sum(self.stiffness * bend**2))
         reach = self.arms.link_mass * length * (n - np.arange(n) - 0.5)
         total -= float(np.sum(reach * (self.gravity[0] * np.cos(phi) + self.gravity[2] * np.sin(phi))))
-        arm_of, station, offset, row_y, nodes, weight, turn, stiffness, _ = self.couplings
+        arm_of, station, offset, row_y, nodes, weight, rib_weight, stiffness, _ = self.couplings
         x = q[: self.first].reshape(-1, 3)
         place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
         for c in range(len(arm_of)):
-            arm.crosspiece_end(
+            arm.rib_end(
                 phi[arm_of[c]],
                 np.zeros(n),
                 self.base,
                 length,
                 station[c],
-                turn[station[c]],
+                rib_weight[station[c]],
                 offset[c],
                 place,
                 speed,
@@ -346,7 +346,7 @@ class ArmsTerm(Term):
         first = np.tile([0.0, self.base[1]], (2, 1, 1))
         return np.concatenate([first, self.base + np.cumsum(steps, axis=1)], axis=1)
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         n = self.n_links
         arm_of, _, _, _, nodes, *_ = self.couplings
         angle = self.first + np.arange(2 * n).reshape(2, n)
@@ -365,7 +365,7 @@ class ArmsTerm(Term):
         return rows, columns
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         n, count = self.n_links, len(self.couplings[0])
         phi, rate = self.angles(q), self.angles(u)
@@ -378,14 +378,14 @@ class ArmsTerm(Term):
             self.gravity,
             self.stiffness,
             self.damping,
-            definite,
+            positive_definite,
             chain,
             chain_rate,
         )
         shapes = [(count, 2, 2, 3), (count, 2, 2, n), (count, 2, 2, n), (count, n, n)]
         blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
         arm.fill_coupling_jacobian(
-            q, u, phi, rate, self.base, self.link_length, *self.couplings, definite, *blocks, *rates
+            q, u, phi, rate, self.base, self.link_length, *self.couplings, positive_definite, *blocks, *rates
         )
         by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
         by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])

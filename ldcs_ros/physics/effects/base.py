@@ -1,14 +1,14 @@
 """The contract of an effect, as a numbered list.
 
-1. An effect is a frozen dataclass of SI parameters, declared with `quantity`, `choice`, `place` or `words`:
+1. An effect is a frozen dataclass of SI parameters, declared with `quantity`, `choice`, `choices` or `location`:
    schema, bounds, documentation and physics in one file.
 2. `bind(assembly)` returns its term: the same physics with the lattice's indices worked out once.
 3. A term adds to a flat force vector and never overwrites it: terms are summed, never switched.
 4. If the force has a potential, `energy` returns it and the force is minus its gradient.
-5. `entries()` names the places (row, column) that its Jacobian can fill; `jacobian` returns the exact values
-   of d(force)/dq and d(force)/du there. With `definite` it may drop what makes -d(force)/dq indefinite. A term
-   whose forces turn with the sheet says so with `turns`; its `turning_jacobian` is then the symmetric part.
-6. `fixed()` names coordinates that the effect prescribes; `prescribe` writes them and their rates.
+5. `jacobian_pattern()` names the places (row, column) that its Jacobian can fill; `jacobian` returns the exact values
+   of d(force)/dq and d(force)/du there. With `positive_definite` it may drop what makes -d(force)/dq indefinite. A term
+   whose forces turn with the sheet says so with `corotational`; its `corotated_jacobian` is then the symmetric part.
+6. `constrained_dofs()` names coordinates that the effect prescribes; `prescribe` writes them and their rates.
 7. `added_mass` is what it adds to the nodes' masses [kg].
 8. `breakpoints` are the times at which its own dependence on time is not smooth.
 """
@@ -25,7 +25,7 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
 
-NO_ENTRIES = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+EMPTY_PATTERN = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 NO_VALUES = np.zeros(0)
 NO_COORDINATES = np.zeros(0, dtype=np.int64)
 
@@ -77,11 +77,11 @@ class Term:
     breakpoints: tuple[float, ...] = ()
     has_energy: bool = True
     # Displacement over which its Jacobian changes altogether, as where contact sets in [m].
-    onset: float = float("inf")
+    contact_width: float = float("inf")
     # Its force depends on what is commanded.
     commanded: bool = False
     # Its forces turn with the sheet.
-    turns: bool = False
+    corotational: bool = False
     # Its dampers' coefficient over its stiffness, where it has just one [s].
     relaxation_time: float = 0.0
 
@@ -89,7 +89,7 @@ class Term:
         """Return what the effect adds to the nodes' masses [kg], shape (n_nodes,) or 0."""
         return 0.0
 
-    def fixed(self) -> np.ndarray:
+    def constrained_dofs(self) -> np.ndarray:
         """Return the coordinates that the effect prescribes, shape (n,)."""
         return NO_COORDINATES
 
@@ -120,18 +120,18 @@ class Term:
         """Return the potential energy [J]; its gradient is minus the part of the force that depends on q alone."""
         return 0.0
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         """Return rows and columns that the Jacobian can fill, shape (n,) each; a place may occur twice."""
-        return NO_ENTRIES
+        return EMPTY_PATTERN
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values of d(force)/dq and d(force)/du at `entries()`, shape (n,) each."""
+        """Return the values of d(force)/dq and d(force)/du at `jacobian_pattern()`, shape (n,) each."""
         return NO_VALUES, NO_VALUES
 
-    def turning_jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+    def corotated_jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a symmetric Jacobian, for factors that turn with the sheet; here that of a sheet at rest."""
-        return self.jacobian(time, q, np.zeros_like(u), inputs, definite)
+        return self.jacobian(time, q, np.zeros_like(u), inputs, positive_definite)

@@ -21,7 +21,7 @@ class Clamp(Effect):
     """
 
     name: ClassVar[str] = "clamp"
-    edge: str = choice("x_min", EDGES, "which edge is held", origin="paper, Figure 4")
+    edge: str = choice("x_min", EDGES, "which edge is held", source="paper, Figure 4")
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the term that holds the edge."""
@@ -36,9 +36,9 @@ class ClampTerm(Term):
     def __init__(self, assembly: Assembly, edge: str) -> None:
         nodes = assembly.lattice.edge(edge)
         self.held = coordinates(nodes).ravel()
-        self.value = assembly.lattice.rest_position[nodes].ravel()
+        self.value = assembly.lattice.reference_position[nodes].ravel()
 
-    def fixed(self) -> np.ndarray:
+    def constrained_dofs(self) -> np.ndarray:
         return self.held
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:

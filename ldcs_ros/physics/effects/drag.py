@@ -22,9 +22,9 @@ class Drag(Effect):
     """
 
     name: ClassVar[str] = "drag"
-    density: float = quantity(1.2, "kg/m^3", "density of the medium", low=0.0, high=2e4, origin="air at 20 C")
+    density: float = quantity(1.2, "kg/m^3", "density of the medium", low=0.0, high=2e4, source="air at 20 C")
     coefficient: float = quantity(
-        1.2, "", "drag coefficient", low=0.0, high=100.0, origin="flat plate across the flow"
+        1.2, "", "drag coefficient", low=0.0, high=100.0, source="flat plate across the flow"
     )
 
     def bind(self, assembly: Assembly) -> Term:
@@ -49,13 +49,13 @@ class DragTerm(Term):
         speed = np.sqrt(np.einsum("ij,ij->i", v, v))
         force[: 3 * self.count] -= ((self.scale * speed)[:, None] * v).ravel()
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         place = coordinates(np.arange(self.count))
         rows, columns = np.broadcast_arrays(place[:, :, None], place[:, None, :])
         return rows.ravel(), columns.ravel()
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         v = u[: 3 * self.count].reshape(-1, 3)
         speed = np.sqrt(np.einsum("ij,ij->i", v, v))

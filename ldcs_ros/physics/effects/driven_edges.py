@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.physics.curves import fill_arc, smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
-from ldcs_ros.schema.fields import REQUIRED, quantity, words
+from ldcs_ros.schema.fields import REQUIRED, choices, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,9 +26,9 @@ class DrivenEdges(Effect):
     """
 
     name: ClassVar[str] = "driven_edges"
-    edges: tuple[str, ...] = words(("y_min", "y_max"), ("y_min", "y_max"), "which side edges")
+    edges: tuple[str, ...] = choices(("y_min", "y_max"), ("y_min", "y_max"), "which side edges")
     curvature: float = quantity(
-        REQUIRED, "1/m", "final curvature", low=-1e3, high=1e3, origin="paper: r = 0.115 m"
+        REQUIRED, "1/m", "final curvature", low=-1e3, high=1e3, source="paper: r = 0.115 m"
     )
     rise_time: float = quantity(1.0, "s", "duration of the smooth rise", low=1e-6, high=1e6)
 
@@ -45,18 +45,18 @@ class DrivenEdgesTerm(Term):
     def __init__(self, assembly: Assembly, effect: DrivenEdges) -> None:
         nodes = np.concatenate([assembly.lattice.edge(edge) for edge in effect.edges])
         self.driven = coordinates(nodes)
-        self.rest = tuple(np.ascontiguousarray(axis) for axis in assembly.lattice.rest_position[nodes].T)
+        self.rest = tuple(np.ascontiguousarray(axis) for axis in assembly.lattice.reference_position[nodes].T)
         self._place, self._rate = np.empty((len(nodes), 3)), np.empty((len(nodes), 3))
         self.curvature, self.rise_time = effect.curvature, effect.rise_time
         self.breakpoints = (0.0, effect.rise_time)
 
-    def fixed(self) -> np.ndarray:
+    def constrained_dofs(self) -> np.ndarray:
         return self.driven.ravel()
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        share, share_rate = smoothstep(time / self.rise_time)
-        kappa = share * self.curvature
-        kappa_rate = share_rate * self.curvature / self.rise_time
+        fraction, fraction_rate = smoothstep(time / self.rise_time)
+        kappa = fraction * self.curvature
+        kappa_rate = fraction_rate * self.curvature / self.rise_time
         along, across, height = self.rest
         fill_arc(along, across, height, kappa, kappa_rate, self._place, self._rate)
         q[self.driven] = self._place

@@ -19,17 +19,17 @@ class Floor(Effect):
     Attributes:
         height: Its z in ldcs_base [m].
         stiffness: Contact stiffness of a node [N/m].
-        damping: Share of the contact force that a closing speed of 1 m/s adds [s/m].
+        damping: Fraction of the contact force that a closing speed of 1 m/s adds [s/m].
         onset: Penetration over which the stiffness grows from 0 to its value [m].
     """
 
     name: ClassVar[str] = "floor"
     height: float = quantity(
-        REQUIRED, "m", "z of the plane in ldcs_base", low=-10.0, high=10.0, origin="scene"
+        REQUIRED, "m", "z of the plane in ldcs_base", low=-10.0, high=10.0, source="scene"
     )
     stiffness: float = quantity(1000.0, "N/m", "contact stiffness of a node", low=0.0, high=1e8)
     damping: float = quantity(
-        10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4
+        10.0, "s/m", "fraction of the force added by 1 m/s of closing speed", low=0.0, high=1e4
     )
     onset: float = quantity(1e-4, "m", "penetration over which stiffness sets in", low=1e-9, high=0.1)
 
@@ -41,5 +41,5 @@ class Floor(Effect):
             height=self.height,
             stiffness=self.stiffness,
             damping=self.damping,
-            onset=self.onset,
+            contact_width=self.onset,
         )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldCommands
-from ldcs_ros.schema.fields import REQUIRED, place, quantity
+from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +22,9 @@ class Force(Effect):
     """
 
     name: ClassVar[str] = "force"
-    at: Any = place(REQUIRED, "where it acts")
+    at: Location = location(REQUIRED, "where it acts")
     value: tuple[float, float, float] = quantity(
-        REQUIRED, "N", "force in ldcs_base", low=-1e6, high=1e6, length=3, origin="scene"
+        REQUIRED, "N", "force in ldcs_base", low=-1e6, high=1e6, length=3, source="scene"
     )
 
     def bind(self, assembly: Assembly) -> Term:

@@ -28,7 +28,7 @@ class Gravity(Effect):
         low=-1e3,
         high=1e3,
         length=3,
-        origin="paper: 40 g weigh 0.39 N",
+        source="paper: 40 g weigh 0.39 N",
     )
 
     def bind(self, assembly: Assembly) -> Term:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
-from ldcs_ros.schema.fields import REQUIRED, place, quantity
+from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +21,8 @@ class Payload(Effect):
     """
 
     name: ClassVar[str] = "payload"
-    at: Any = place(REQUIRED, "where it is fixed")
-    mass: float = quantity(REQUIRED, "kg", "mass", low=0.0, high=1e3, origin="paper: 0.040 kg")
+    at: Location = location(REQUIRED, "where it is fixed")
+    mass: float = quantity(REQUIRED, "kg", "mass", low=0.0, high=1e3, source="paper: 0.040 kg")
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the term that adds the mass."""

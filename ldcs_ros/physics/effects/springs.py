@@ -34,13 +34,13 @@ class Springs(Effect):
 
     name: ClassVar[str] = "springs"
     law: str = choice(
-        "axial", LAWS, "spring law", origin="only laws along a spring's own axis can give the paper's Table I"
+        "axial", LAWS, "spring law", source="only laws along a spring's own axis can give the paper's Table I"
     )
     stiffness: float = quantity(
-        80.0, "N/m", "stiffness of each spring", low=0.0, high=1e9, origin="paper, section III"
+        80.0, "N/m", "stiffness of each spring", low=0.0, high=1e9, source="paper, section III"
     )
     damping: float = quantity(
-        5.0, "N s/m", "coefficient of each damper", low=0.0, high=1e9, origin="paper, section III"
+        5.0, "N s/m", "coefficient of each damper", low=0.0, high=1e9, source="paper, section III"
     )
 
     def bind(self, assembly: Assembly) -> Term:
@@ -71,7 +71,7 @@ class Springs(Effect):
 
 
 class SpringTerm(Term):
-    """What the laws share: the springs' indices and the places of their Jacobian blocks.
+    """The common part of the laws: the springs' indices and the places of their Jacobian blocks.
 
     A spring's Jacobian is one 3 x 3 block D = d f_a / d x_b, with f_b = -f_a and d f_a / d x_a = -D, so the
     entries are a diagonal block a node, then a block (a, b) and a block (b, a) a spring.
@@ -86,7 +86,7 @@ class SpringTerm(Term):
         self.k = np.broadcast_to(stiffness, self.a.shape).astype(float)
         self.c = np.broadcast_to(damping, self.a.shape).astype(float)
 
-    def entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
         nodes = np.arange(self.lattice.n_nodes)
         row_nodes = np.concatenate([nodes, self.a, self.b])
         column_nodes = np.concatenate([nodes, self.b, self.a])
@@ -98,7 +98,7 @@ class SpringTerm(Term):
 class AxialTerm(SpringTerm):
     """f = T n on a and -T n on b, with T = k (L - L0) + c n . (v_b - v_a)."""
 
-    turns = True
+    corotational = True
 
     def __init__(self, lattice: Lattice, stiffness: float | np.ndarray, damping: float | np.ndarray) -> None:
         super().__init__(lattice, stiffness, damping)
@@ -116,19 +116,19 @@ class AxialTerm(SpringTerm):
         return float(0.5 * np.sum(self.k * stretch**2))
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        return self._jacobian(q, u, definite, False)
+        return self._jacobian(q, u, positive_definite, False)
 
-    def turning_jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+    def corotated_jacobian(
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         # Without the springs' tension it is positive definite. Bending puts opposite tensions on top and bottom, so
         # little is lost; a guessed motion of a fine lattice has tensions that the true one has not.
-        return self._jacobian(q, u, definite, True)
+        return self._jacobian(q, u, positive_definite, True)
 
     def _jacobian(
-        self, q: np.ndarray, u: np.ndarray, definite: bool, turning: bool
+        self, q: np.ndarray, u: np.ndarray, positive_definite: bool, corotated: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         n_nodes, n_springs = self.lattice.n_nodes, len(self.a)
         by_position = np.zeros((n_nodes + 2 * n_springs, 3, 3))
@@ -142,8 +142,8 @@ class AxialTerm(SpringTerm):
             self.rest_axis,
             self.k,
             self.c,
-            definite,
-            turning,
+            positive_definite,
+            corotated,
             n_nodes,
             by_position,
             by_rate,
@@ -167,7 +167,7 @@ class AxiswiseTerm(SpringTerm):
 
         self.stiffness_matrix = laplacian(self.k)
         self.damping_matrix = laplacian(self.c)
-        self.rest = lattice.rest_position
+        self.rest = lattice.reference_position
 
     def add_force(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
@@ -183,7 +183,7 @@ class AxiswiseTerm(SpringTerm):
         return float(-0.5 * np.sum(displacement * (self.stiffness_matrix @ displacement)))
 
     def jacobian(
-        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, definite: bool
+        self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         def blocks(matrix: object, weight: np.ndarray) -> np.ndarray:
             scale = np.concatenate([matrix.diagonal(), weight, weight])  # type: ignore[attr-defined]

@@ -23,18 +23,18 @@ class Support(Effect):
         length: Part of the sheet's length that the plates reach.
         width: Cells from each side edge that lie on a plate.
         stiffness: Contact stiffness of a node [N/m].
-        damping: Share of the contact force that a closing speed of 1 m/s adds [s/m].
+        damping: Fraction of the contact force that a closing speed of 1 m/s adds [s/m].
         onset: Penetration over which the stiffness grows from 0 to its value [m].
     """
 
     name: ClassVar[str] = "support"
     length: float = quantity(
-        1.0 / 3.0, "", "part of the sheet's length", low=0.0, high=1.0, origin="paper, section IV.A"
+        1.0 / 3.0, "", "part of the sheet's length", low=0.0, high=1.0, source="paper, section IV.A"
     )
     width: int = quantity(1, "", "cells from each side edge that lie on a plate", low=0, high=64)
     stiffness: float = quantity(1000.0, "N/m", "contact stiffness of a node", low=0.0, high=1e8)
     damping: float = quantity(
-        10.0, "s/m", "share of the force added by 1 m/s of closing speed", low=0.0, high=1e4
+        10.0, "s/m", "fraction of the force added by 1 m/s of closing speed", low=0.0, high=1e4
     )
     onset: float = quantity(1e-4, "m", "penetration over which stiffness sets in", low=1e-9, high=0.1)
 
@@ -52,5 +52,5 @@ class Support(Effect):
             height=-0.5 * lattice.size[2],
             stiffness=self.stiffness,
             damping=self.damping,
-            onset=self.onset,
+            contact_width=self.onset,
         )

@@ -8,7 +8,7 @@ name are empty.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,13 +51,13 @@ class ForceTables(NamedTuple):
         spring: k [N/m], k times rest length [N] and c [N s/m] by near node, shape (3, n_families, n_nodes).
         drag: Force of a node by its squared speed [N s^2/m^2], shape (n_nodes,), or (0,) without drag.
         contact_at: Vertical coordinate of each contact, shape (n_contacts,).
-        contact: Height [m], stiffness [N/m], damping [s/m], onset [m], shape (4, n_contacts).
+        contact: Height [m], stiffness [N/m], damping [s/m], width [m], shape (4, n_contacts).
         joint: Link length [m], joint stiffness [N m/rad], joint damping [N m s/rad], shape (3, n_links).
         arm: Link mass [kg], link inertia [kg m^2], coupling stiffness [N/m] and damping [N s/m], base (x, z) [m],
             gravity [m/s^2], shape (9,).
         coupling_at: Arm, station and the two nodes of each coupling, shape (4, n_couplings).
         coupling: Offset from the backbone [m], y of the row [m] and the weights of both nodes, shape (4, n_couplings).
-        crosspiece: Weight of each link's angle in a crosspiece's angle, shape (n_links + 1, n_links).
+        rib: Weight of each link's angle in a rib's angle, shape (n_links + 1, n_links).
     """
 
     family: np.ndarray
@@ -69,7 +69,7 @@ class ForceTables(NamedTuple):
     arm: np.ndarray
     coupling_at: np.ndarray
     coupling: np.ndarray
-    crosspiece: np.ndarray
+    rib: np.ndarray
 
 
 @compiled_fast
@@ -100,9 +100,9 @@ def _add_family(x, v, f, pull, offset, begin, end, k, pretension, c):  # type: i
 def _add_contact(q, u, at, contact, force):  # type: ignore[no-untyped-def]
     # The law of `PlaneContact`.
     for c in range(at.size):
-        depth, onset = contact[0, c] - q[at[c]], contact[3, c]
+        depth, width = contact[0, c] - q[at[c]], contact[3, c]
         if depth > 0.0:
-            push = depth * depth / (2.0 * onset) if depth < onset else depth - 0.5 * onset
+            push = depth * depth / (2.0 * width) if depth < width else depth - 0.5 * width
             force[at[c]] += contact[1, c] * push * max(0.0, 1.0 - contact[2, c] * u[at[c]])
 
 
@@ -159,7 +159,7 @@ def add_total_force(tables, drive, q, u, scratch, force):  # type: ignore[no-unt
             tables.coupling[1],
             tables.coupling_at[2:4].T,
             tables.coupling[2:4].T,
-            tables.crosspiece,
+            tables.rib,
             values[2],
             values[3],
             force,
@@ -178,7 +178,7 @@ class TotalForce:
         self.model = model
         self.tables = _tables(model)
         self.constant = np.zeros(model.n_coordinates)
-        rest, still = model.rest()
+        rest, still = model.reference_state()
         for term in model.terms:
             if isinstance(term, (GravityTerm, ForceTerm)):
                 term.add_force(0.0, rest, still, NO_INPUTS, self.constant)
@@ -195,17 +195,19 @@ class TotalForce:
 
     def drive(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (n_arms, n_links)."""
-        arms: Any = self.model.arms
+        arms = self.model.arms
         return self._no_drive if arms is None else np.ascontiguousarray(arms.drive_torque(time, inputs))
 
     def steady(self, inputs: HeldCommands) -> np.ndarray | None:
         """Return the constant forces with the held wrenches, shape (n_coordinates,); None if a wrench turns."""
         if not inputs.wrenches:
             return self.constant
-        term: Any = self.model.wrench
-        if any(any(wrench.torque) or not term.frame(name)[1] for name, wrench in inputs.wrenches.items()):
+        term = self.model.wrench
+        if term is None or any(
+            any(wrench.torque) or not term.frame(name)[1] for name, wrench in inputs.wrenches.items()
+        ):
             return None
-        steady, (rest, still) = self.constant.copy(), self.model.rest()
+        steady, (rest, still) = self.constant.copy(), self.model.reference_state()
         term.add_force(0.0, rest, still, inputs, steady)
         return steady
 
@@ -233,7 +235,7 @@ def _tables(model: Model) -> ForceTables:
     n = model.lattice.n_nodes
     family, spring, drag = np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, n)), np.zeros(0)
     contact_at, contact = [np.zeros(0, dtype=np.int64)], [np.zeros((4, 0))]
-    joint, values, crosspiece = np.zeros((3, 0)), np.zeros(9), np.zeros((1, 0))
+    joint, values, rib = np.zeros((3, 0)), np.zeros(9), np.zeros((1, 0))
     coupling_at, coupling = np.zeros((4, 0), dtype=np.int64), np.zeros((4, 0))
     for term in model.terms:
         if isinstance(term, AxialTerm):
@@ -242,11 +244,11 @@ def _tables(model: Model) -> ForceTables:
             drag = term.scale
         elif isinstance(term, PlaneContact):
             contact_at.append(term.vertical)
-            row = np.array([term.height, term.stiffness, term.damping, term.onset])
+            row = np.array([term.height, term.stiffness, term.damping, term.contact_width])
             contact.append(np.tile(row[:, None], len(term.vertical)))
         elif isinstance(term, ArmsTerm):
             arms = term.arms
-            arm_of, station, offset, row_y, nodes, weight, crosspiece, stiffness, damping = term.couplings
+            arm_of, station, offset, row_y, nodes, weight, rib, stiffness, damping = term.couplings
             joint = np.stack([term.link_length, term.stiffness, term.damping])
             values = np.array(
                 [arms.link_mass, arms.link_inertia, stiffness, damping, *term.base, *term.gravity]
@@ -263,7 +265,7 @@ def _tables(model: Model) -> ForceTables:
         values,
         coupling_at,
         coupling,
-        crosspiece,
+        rib,
     )
 
 

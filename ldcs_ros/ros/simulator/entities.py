@@ -269,5 +269,5 @@ def _of_sheet(name: str, row: int, kind: Kind, point: Point, still: bool) -> Ent
 
 
 def _clamped(model: Model) -> set[int]:
-    held = [term.fixed() // 3 for term in model.terms if term.name == "clamp"]
+    held = [term.constrained_dofs() // 3 for term in model.terms if term.name == "clamp"]
     return set(np.concatenate(held).tolist()) if held else set()

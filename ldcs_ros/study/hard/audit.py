@@ -49,7 +49,7 @@ def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldC
             back = np.zeros(model.n_coordinates)
             term.add_force(time, q, -u, inputs, back)
             damping = 0.5 * (moving - back)
-            torque = term.drive_torque(time, inputs)  # type: ignore[attr-defined]
+            torque = term.drive_torque(time, inputs)
             joint_rate = np.diff(u[-model.n_angles :].reshape(2, -1), axis=1, prepend=0.0)
             work += float(np.sum(torque * joint_rate))
         if term is model.wrench:

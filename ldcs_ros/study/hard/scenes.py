@@ -75,31 +75,31 @@ def changed(scene: Content, values: Content | None = None, *, add: tuple[Content
 
 def inverted(lattice: Lattice) -> np.ndarray:
     """Return the sheet with top and bottom exchanged; shape (n_nodes, 3) [m], as all starts."""
-    return lattice.rest_position * [1.0, 1.0, -1.0]
+    return lattice.reference_position * [1.0, 1.0, -1.0]
 
 
 def turned_over(lattice: Lattice) -> np.ndarray:
     """Return the sheet after half a turn about the x axis."""
-    return lattice.rest_position * [1.0, -1.0, -1.0]
+    return lattice.reference_position * [1.0, -1.0, -1.0]
 
 
 def crumpled(lattice: Lattice) -> np.ndarray:
     """Return the sheet with each coordinate moved by up to half a spacing at random."""
     random = np.random.default_rng(4)
     reach = 0.5 * np.array([*lattice.spacing, min(lattice.spacing)])
-    return lattice.rest_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
+    return lattice.reference_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
 
 
 def ruffled(lattice: Lattice) -> np.ndarray:
     """Return the sheet with each coordinate moved by up to a tenth of its spacing at random."""
     random = np.random.default_rng(5)
     reach = 0.1 * np.array([*lattice.spacing, lattice.size[2]])
-    return lattice.rest_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
+    return lattice.reference_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
 
 
 def two_coincident(lattice: Lattice) -> np.ndarray:
     """Return the sheet with two neighbours of the top layer at one place."""
-    position = lattice.rest_position.copy()
+    position = lattice.reference_position.copy()
     nx, ny = lattice.nodes
     position[lattice.node("top", nx // 2, ny // 2)] = position[lattice.node("top", nx // 2 - 1, ny // 2)]
     return position
@@ -107,12 +107,12 @@ def two_coincident(lattice: Lattice) -> np.ndarray:
 
 def in_plane(lattice: Lattice) -> np.ndarray:
     """Return the sheet with all nodes in the plane z = 0, each on its partner of the other layer."""
-    return lattice.rest_position * [1.0, 1.0, 0.0]
+    return lattice.reference_position * [1.0, 1.0, 0.0]
 
 
 def on_line(lattice: Lattice) -> np.ndarray:
     """Return the sheet with all nodes on the x axis."""
-    return lattice.rest_position * [1.0, 0.0, 0.0]
+    return lattice.reference_position * [1.0, 0.0, 0.0]
 
 
 def in_one_point(lattice: Lattice) -> np.ndarray:
@@ -122,7 +122,7 @@ def in_one_point(lattice: Lattice) -> np.ndarray:
 
 def rolled_up(lattice: Lattice) -> np.ndarray:
     """Return the sheet rolled one and a half times around the y axis, at its own length."""
-    x, y, z = lattice.rest_position.T
+    x, y, z = lattice.reference_position.T
     kappa = 3.0 * np.pi / lattice.size[0]
     return np.stack(
         [(1 / kappa - z) * np.sin(kappa * x), y, 1 / kappa - (1 / kappa - z) * np.cos(kappa * x)], 1
