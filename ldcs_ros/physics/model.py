@@ -205,13 +205,13 @@ class Model:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the values of d(force)/dq and d(force)/du at `jacobian_pattern`.
 
-            Args:
-                time: Simulation time [s].
-                q: Coordinates [m, rad].
-                u: Their rates.
-                inputs: What is commanded.
-                positive_definite: Of the stable part only.
-        corotated: Without what is unsymmetric as the sheet turns; `LinearSystem.turn` puts it back.
+        Args:
+            time: Simulation time [s].
+            q: Coordinates [m, rad].
+            u: Their rates.
+            inputs: Commands held at that time.
+            positive_definite: Of the stable part only.
+            corotated: Without the unsymmetric part of a rotating sheet; `LinearSystem.turn` restores it.
         """
         values = [
             (term.corotated_jacobian if corotated and term.corotational else term.jacobian)(
