@@ -13,11 +13,11 @@ PATHS = sorted((ROOT / "ldcs_ros").rglob("*.py"))
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PATHS}
 
 # The numbers reached; lower them with the code, never raise them.
-MAX_ANY = 312
+MAX_ANY = 231
 MAX_PRIVATE_ACCESS = 13
-MAX_CLASSES_OF_ONE_NAME = 4
-MAX_OLD_NAMES = 70
-MAX_UNTYPED_CENTRAL = 1
+MAX_CLASSES_OF_ONE_NAME = 3
+MAX_OLD_NAMES = 66
+MAX_UNTYPED_CENTRAL = 0
 
 # Public in spite of their underscore: those of named tuples, and the exit without clean-up.
 PUBLIC = ("_asdict", "_replace", "_exit")
