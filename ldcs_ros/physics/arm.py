@@ -1,14 +1,14 @@
 """Kernels of the arms: chain dynamics in absolute link angles, joints, and the coupling of ribs to the sheet.
 
-A chain of n links of equal mass and of lengths l_i in a plane y = const; phi_i is the angle of link i against
+A chain has n links of equal mass and of lengths l_i in a plane y = const. phi_i is the angle of link i against
 x, positive towards z. With p_0 the base and e(phi) = (cos phi, sin phi) in (x, z):
 
     p_s = p_0 + sum_{k<=s} l_k e(phi_k)                                joint station s, the end of link s
     M_ij = m l_i l_j w_ij cos(phi_i - phi_j) + I d_ij                  w_ij = n - max(i, j) + (1/4 if i = j else 1/2)
     sum_j M_ij phi_j'' = Q_i - sum_j m l_i l_j w_ij sin(phi_i - phi_j) phi_j'^2
 
-the Lagrangian equations of a serial chain with uniform links (adapted from Giri and Walker's arm: input
-torques at the joints instead of muscles; paper, section II and Figure 3).
+These are the Lagrangian equations of a serial chain with uniform links, adapted from Giri and Walker's arm. Input
+torques at the joints replace its muscles (paper, section II and Figure 3).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ def fill_inertia(phi, mass, inertia, length, matrix):  # type: ignore[no-untyped
     for arm in range(n_arms):
         for i in range(n):
             for j in range(n):
+                # w_ij of the module's formulas: the links beyond both joints, and a part of the link itself.
                 weight = n - 1 - max(i, j) + (0.25 if i == j else 0.5)
                 matrix[arm, i, j] = mass * length[i] * length[j] * weight * np.cos(phi[arm, i] - phi[arm, j])
             matrix[arm, i, i] += inertia
@@ -40,6 +41,7 @@ def add_chain_force(phi, rate, mass, length, gravity, stiffness, damping, torque
     for arm in range(n_arms):
         for i in range(n):
             sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
+            # Link i carries its own half weight and that of the n - 1 - i links beyond it.
             force[arm, i] += mass * length[i] * (n - i - 0.5) * (gravity[2] * cosine - gravity[0] * sine)
             for j in range(n):
                 if j != i:
@@ -47,6 +49,7 @@ def add_chain_force(phi, rate, mass, length, gravity, stiffness, damping, torque
                     difference = phi[arm, i] - phi[arm, j]
                     lever = mass * length[i] * length[j] * weight
                     force[arm, i] -= lever * np.sin(difference) * rate[arm, j] ** 2
+            # Joint i acts on link i and back on link i - 1; the base holds the first joint.
             bend, bend_rate = phi[arm, i], rate[arm, i]
             if i > 0:
                 bend -= phi[arm, i - 1]
@@ -67,6 +70,7 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
         for i in range(n):
             sine, cosine = np.sin(phi[arm, i]), np.cos(phi[arm, i])
             if not positive_definite:
+                # Weight and the Coriolis forces of the other links.
                 slope = -mass * length[i] * (n - i - 0.5) * (gravity[2] * sine + gravity[0] * cosine)
                 by_angle[arm, i, i] += slope
                 for j in range(n):
@@ -76,6 +80,7 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
                         by_angle[arm, i, i] -= weight * np.cos(difference) * rate[arm, j] ** 2
                         by_angle[arm, i, j] += weight * np.cos(difference) * rate[arm, j] ** 2
                         by_rate[arm, i, j] -= 2.0 * weight * np.sin(difference) * rate[arm, j]
+            # A joint couples neighbouring links: the second difference of the angles.
             for matrix, value in ((by_angle, stiffness[i]), (by_rate, damping[i])):
                 matrix[arm, i, i] -= value
                 if i > 0:
@@ -88,14 +93,15 @@ def fill_chain_jacobian(  # type: ignore[no-untyped-def]
 def rib_end(phi, rate, base, length, station, rib_weight, offset, place, speed, slope):  # type: ignore[no-untyped-def]
     """Write place (x, z) [m], speed (x, z) [m/s] of a rib's end and slope = d(place)/d(phi), shape (n, 2).
 
-    rib_weight holds the weight of each link angle in the rib's own angle, shape (n,); offset is the end's
-    signed distance from the backbone [m]. base is where the first link begins (x, z) [m]; station 0 stays
-    above x = 0, where the sheet begins. Returns the rib's angle [rad].
+    rib_weight holds the weight of each link angle in the rib's own angle, shape (n,). offset is the end's
+    signed distance from the backbone [m]. base is the start of the first link (x, z) [m]. Joint station 0 stays
+    above x = 0, the edge of the sheet. Returns the rib's angle [rad].
     """
     n = phi.size
     angle = 0.0
     for k in range(n):
         angle += rib_weight[k] * phi[k]
+    # The rib's direction is (-sin, cos) of its angle; the links before the station carry its foot.
     place[0], place[1] = -offset * np.sin(angle), base[1] + offset * np.cos(angle)
     if station > 0:
         place[0] += base[0]
@@ -122,11 +128,12 @@ def _stations(phi, rate, base, length, rib_weight, place, speed, normal, normal_
     reach_x, reach_z, speed_x, speed_z = base[0], base[1], 0.0, 0.0
     for s in range(n + 1):
         if s > 0:
+            # A link's end lies (l cos, l sin) beyond its start, and along holds (-l sin, l cos).
             reach_x += along[s - 1, 1]
             reach_z -= along[s - 1, 0]
             speed_x += along[s - 1, 0] * rate[s - 1]
             speed_z += along[s - 1, 1] * rate[s - 1]
-        # Station 0 stays above x = 0, where the sheet begins.
+        # Joint station 0 stays above x = 0, the edge of the sheet.
         place[s, 0], place[s, 1] = reach_x if s > 0 else 0.0, reach_z
         speed[s, 0], speed[s, 1] = speed_x, speed_z
         angle = spin = 0.0
@@ -183,6 +190,7 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
     for c in range(arm.size):
         side, s = arm[c], station[c]
         nx, nz = normal[side, s, 0], normal[side, s, 1]
+        # f = k (sheet's point - rib's end) + c (their relative velocity); the rib's end stays in its plane y.
         fx = -stiffness * (place[side, s, 0] + offset[c] * nx)
         fx -= damping * (speed[side, s, 0] + offset[c] * normal_speed[side, s, 0])
         fz = -stiffness * (place[side, s, 1] + offset[c] * nz)
@@ -200,8 +208,10 @@ def add_coupling_force(  # type: ignore[no-untyped-def]
             force[i + 2] -= weight[c, m] * fz
         pull[side, s, 0] += fx
         pull[side, s, 1] += fz
+        # The moment about -y, which turns angles towards z.
         moment[side, s] += offset[c] * (nx * fz - nz * fx)
     for side in range(n_arms):
+        # From the tip to the base: link s - 1 moves all joint stations from s on.
         carried_x = carried_z = 0.0
         for s in range(n, -1, -1):
             for k in range(n):
@@ -260,6 +270,7 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
         angle_speed = 0.0
         for k in range(n):
             angle_speed += rib[k] * rate[side, k]
+        # Second derivative of the rib's end by its own angle.
         curl_x, curl_z = offset[c] * np.sin(angle), -offset[c] * np.cos(angle)
         for k in range(n):
             speed_slope[k, 0] = rib[k] * angle_speed * curl_x

@@ -8,14 +8,15 @@ import numpy as np
 
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 
-# Below this fraction of its rest length a spring has lost its direction; its rest axis takes over, so that
-# coincident nodes are pushed apart and nothing is divided by zero.
+# Below this fraction of its rest length a spring has lost its direction, and its rest axis takes over.
+# So coincident nodes are pushed apart, and nothing is divided by zero.
 LOST_LENGTH = 1e-9
 
 
 @compiled
 def _add_force_loop(q, u, a, b, rest_length, rest_axis, k, c, force):  # type: ignore[no-untyped-def]
     for s in range(a.size):
+        # x, y and z of node n are at 3 n, 3 n + 1 and 3 n + 2 of the flat vectors.
         i, j = 3 * a[s], 3 * b[s]
         dx, dy, dz = q[j] - q[i], q[j + 1] - q[i + 1], q[j + 2] - q[i + 2]
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -55,6 +56,7 @@ def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
             n[r] = rest_axis[s, r] if lost else n[r] / length
             stretch_rate += n[r] * rate[r]
         tension = k[s] * (length - rest_length[s]) + c[s] * stretch_rate
+        # D = k n n^T + T / L (1 - n n^T) + c / L n v_across^T, the derivative of T n by x_b.
         pull = 0.0 if lost or corotated else tension / length
         rotary_damper = 0.0 if lost or positive_definite or corotated else c[s] / length
         if positive_definite:
@@ -68,6 +70,7 @@ def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
                 if r == t:
                     stiff += pull
                 damp = c[s] * square_n
+                # Blocks: one a node, then (a, b) and (b, a) a spring.
                 by_position[i, r, t] -= stiff
                 by_position[j, r, t] -= stiff
                 by_position[n_nodes + s, r, t] = stiff

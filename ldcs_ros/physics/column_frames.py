@@ -1,4 +1,4 @@
-"""How far each column of the lattice (a bottom and a top node) has turned: a rotation from its tangents."""
+"""The rotation of each column of the lattice (a bottom and a top node), from the tangents of the sheet."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
     """Write the axes of each column's frame as columns, shape (nx ny, 3, 3), from node positions [m], (2 nx ny, 3).
 
     The normal points from the bottom to the top node: springs along it are the stiffest of a fine lattice. Tangents
-    along x and y are central differences of both layers together (one-sided at the edges), made square to it; the
-    other two axes lie halfway between them, so that shear favours neither. A column whose tangents or normal have
-    no direction gets the axes of ldcs_base.
+    along x and y are central differences of both layers (one-sided at the edges), made perpendicular to the normal.
+    The other two axes lie halfway between the tangents, so that shear favours neither. A column whose tangents or
+    normal have no direction gets the axes of ldcs_base.
     """
     layer = nx * ny
     along, across, normal = np.empty(3), np.empty(3), np.empty(3)
     for i in range(nx):
         for j in range(ny):
-            ahead, behind = min(i + 1, nx - 1) * ny + j, max(i - 1, 0) * ny + j
+            # Column (i, j) is number i ny + j, and its top node has the same number after a whole layer.
+            ahead, before = min(i + 1, nx - 1) * ny + j, max(i - 1, 0) * ny + j
             left, right = i * ny + min(j + 1, ny - 1), i * ny + max(j - 1, 0)
             square = slope_along = slope_across = 0.0
             for r in range(3):
-                along[r] = x[ahead, r] + x[layer + ahead, r] - x[behind, r] - x[layer + behind, r]
+                along[r] = x[ahead, r] + x[layer + ahead, r] - x[before, r] - x[layer + before, r]
                 across[r] = x[left, r] + x[layer + left, r] - x[right, r] - x[layer + right, r]
                 normal[r] = x[layer + i * ny + j, r] - x[i * ny + j, r]
                 square += normal[r] ** 2
@@ -46,6 +47,7 @@ def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
                     for t in range(3):
                         frame[r, t] = 1.0 if r == t else 0.0
                 continue
+            # Of unit tangents a and b, a + b and a - b are perpendicular; both axes lie at 45 degrees to them.
             sum_square = difference_square = 0.0
             for r in range(3):
                 along[r] /= math.sqrt(square_along)

@@ -16,8 +16,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _cache_folder() -> Path:
-    # numba looks at the file of a kernel only, not at those of the kernels that it calls: an edit there would go
-    # on running the old code. So each state of the sources has a cache of its own.
+    # numba watches the file of a kernel only, not those of the kernels that it calls: the old code would run after
+    # an edit there. So each state of the sources has a cache of its own.
     package = Path(__file__).parents[1]
     sources = sorted(
         path for room in ("physics", "integrators", "study") for path in (package / room).rglob("*.py")
@@ -81,7 +81,7 @@ def kernels_wait_for_compilation() -> bool:
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function of numbers and arrays; without numba return it as it is (same answers, slower)."""
+    """Compile a function of numbers and arrays; without numba return the function itself (same answers, slower)."""
     if not HAVE_NUMBA:
         return function
     return cast(Function, numba.njit(cache=True, error_model="numpy")(function))

@@ -12,8 +12,8 @@ class PlaneContact(Term):
     """Nodes on a plane z = height, as in Hunt and Crossley (1975), with a linear law and a rounded corner.
 
     f_z = E'(d) max(0, 1 + beta d'), d = height - z the penetration. E'(d) is 0 for d < 0, k d^2 / (2 w) up to
-    the contact width w and k (d - w / 2) beyond: once continuously differentiable, so Newton's method and error
-    control see no corner. The dissipation E'(d) beta d'^2 is never negative, and the force is never below
+    the contact width w and k (d - w / 2) beyond. It is once continuously differentiable, so Newton's method and
+    error control see no corner. The dissipation E'(d) beta d'^2 is never negative, and the force is never below
     zero.
     """
 

@@ -47,6 +47,7 @@ def _spin(r, v, c, first, last, moment, spin):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fit(r, d, k, first, last, rotation):  # type: ignore[no-untyped-def]
+    # m = sum k r d^T, of which the best rotation is the orthogonal factor.
     m = np.zeros((3, 3))
     for s in range(first, last):
         for i in range(3):
@@ -120,6 +121,7 @@ def _fill_jacobian(x, v, start, member, d, k, c, positive_definite, slot, slot_s
         inverse(moment, back_j)
         fill_cross(spin, 1.0, cross_spin)
         g = np.zeros((3, 3))
+        # arm, lever and twist: mixed derivatives of E by (x, R), of D by (v, w) and of D by (x, w), a member each.
         arm, lever, twist = np.zeros((size, 3, 3)), np.zeros((size, 3, 3)), np.zeros((size, 3, 3))
         for s in range(first, last):
             m, half_k, half_c = s - first, 0.5 * k[s], 0.5 * c[s]
@@ -148,22 +150,24 @@ def _fill_jacobian(x, v, start, member, d, k, c, positive_definite, slot, slot_s
             arm[size - 1] -= arm[m]
             lever[size - 1] -= lever[m]
             twist[size - 1] -= twist[m]
+        # The rotation and the spin are eliminated: - E_xw E_ww^-1 E_wx for every pair of members.
         inverse(g, back_g)
         at = slot_start[i]
         for m in range(size):
             left_arm, left_lever = arm[m] @ back_g, lever[m] @ back_j
             for o in range(size):
-                place = slot[at + m * size + o]
+                place = slot[at + m * size + o]  # the star's blocks are stored row by row
                 for a in range(3):
                     for b in range(3):
-                        soften = damp = 0.0
+                        release = damp = 0.0
                         for e in range(3):
-                            soften += left_arm[a, e] * arm[o, b, e]
+                            release += left_arm[a, e] * arm[o, b, e]
                             damp += left_lever[a, e] * lever[o, b, e]
                             if not positive_definite:
-                                soften -= left_lever[a, e] * twist[o, e, b]
-                        by_position[place, a, b] += soften
+                                release -= left_lever[a, e] * twist[o, e, b]
+                        by_position[place, a, b] += release
                         by_rate[place, a, b] += damp
+        # The springs themselves: - 1 on the member and on the centre, + 1 between them.
         centre = size - 1
         for s in range(first, last):
             m, half_k, half_c = s - first, 0.5 * k[s], 0.5 * c[s]
@@ -200,7 +204,7 @@ class CorotationalTerm(Term):
         self._place_blocks()
 
     def _place_blocks(self) -> None:
-        # A block for every pair of nodes that share a star; slot maps (star, member, member) to its block.
+        # A block for every pair of nodes of one star; slot maps (star, member, member) to its block.
         keys, self.slot_start = [], np.zeros(self.n + 1, dtype=np.int64)
         for i in range(self.n):
             star = np.append(self.member[self.start[i] : self.start[i + 1]], i)

@@ -24,9 +24,9 @@ def fill_arc(along, across, height, kappa, kappa_rate, place, rate):  # type: ig
         kappa: Curvature [1/m], positive bends up.
         kappa_rate: Its rate [1/(m s)].
 
-    On the arc itself x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa. Below |kappa s| = 0.1 they and
-    their derivatives are taken from series whose first dropped term is below 1e-13 of the result (the closed form
-    of the derivatives loses digits there).
+    On the arc itself x = sin(kappa s) / kappa and z = (1 - cos(kappa s)) / kappa. Below |kappa s| = 0.1 series
+    replace them and their derivatives, because the closed form of the derivatives loses digits there. The first
+    dropped term is below 1e-13 of the result.
     """
     for i in range(along.size):
         s = along[i]

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ChamberPressure:
-    """The pressure in one arm's chamber, a first-order lag behind its target: p' = (target - p) / tau, solved exactly.
+    """The pressure in one arm's chamber, a first-order lag towards its target: p' = (target - p) / tau, solved exactly.
 
     Attributes:
         time: When the target last changed [s].
@@ -65,7 +65,7 @@ class HeldCommands:
 
 @dataclass(frozen=True)
 class ScheduledCommand:
-    """One entry of a scene's `inputs`: what is commanded from a time on when nobody commands.
+    """One entry of a scene's `inputs`: a command from a time on, unless others have come in the meantime.
 
     Attributes:
         time: Simulation time [s].

@@ -15,8 +15,8 @@ EDGES = ("x_min", "x_max", "y_min", "y_max")
 class Lattice:
     """Two layers of nx x ny nodes, joined by springs to every neighbour (paper, section II and Figure 2).
 
-    A node has up to 8 neighbours in its layer and 9 in the other (the one straight across and its 8
-    neighbours): 17 springs in the interior, 11 on an edge, 7 at a corner; 1169 in all at 9 x 9.
+    A node has up to 8 neighbours in its layer and 9 in the other: the one straight across and its 8 neighbours.
+    That is 17 springs in the interior, 11 on an edge, 7 at a corner, and 1169 in all at 9 x 9.
     Node order: layer (bottom, top), then i along x, then j along y.
     Frame `ldcs_base`: the origin is the middle of the edge x = 0 on the mid-plane.
 
@@ -24,7 +24,7 @@ class Lattice:
         size: Length along x, width along y, distance between the layers [m].
         nodes: Number of nodes along x and y.
         mass: Mass of the whole sheet [kg].
-        mass_by_area: Share it by the area that each node stands for; otherwise equally, as the paper does.
+        mass_by_area: Distribute the mass by the area of each node; otherwise equally, as the paper does.
     """
 
     size: tuple[float, float, float]
@@ -80,7 +80,7 @@ class Lattice:
 
     @cached_property
     def node_area(self) -> np.ndarray:
-        """Area of the sheet that each node stands for [m^2], shape (n_nodes,); a layer sums to length x width."""
+        """Area of the sheet that belongs to each node [m^2], shape (n_nodes,); a layer sums to length x width."""
         dx, dy = self.spacing
         along_x, along_y = np.full(self.nodes[0], dx), np.full(self.nodes[1], dy)
         along_x[[0, -1]] *= 0.5

@@ -1,30 +1,30 @@
 """From a material to the stiffness of each spring family, so that results converge as the lattice is refined.
 
-A sheet of thickness t, modulus E and Poisson's ratio v has, in plane stress, the membrane stiffnesses
-C11 = E t / (1 - v^2), C12 = v C11, and the bending stiffness C11 t^2 / 12. Two layers t apart that carried all of
+A sheet has thickness t, modulus E and Poisson's ratio v. In plane stress its membrane stiffnesses are
+C11 = E t / (1 - v^2) and C12 = v C11, and its bending stiffness is C11 t^2 / 12. Two layers t apart that carried all of
 C11 would bend like C11 t^2 / 4, three times too stiff. Springs from one layer to the other resist stretching but
 not bending (their two ends stretch by opposite amounts), so
 
     the springs inside the layers carry 1/3 of the membrane stiffness: all of the bending,
     the inclined springs between the layers carry 2/3 of it: none of the bending.
 
-With cells dx x dy and central springs, a spring whose ends are (a dx, b dy, h) apart in length l, n of its kind
-a cell, stores 1/2 w (a dx^2 e_xx + b dy^2 e_yy + h^2 e_zz)^2 an area, w = n k / (l^2 dx dy); its shear terms
+Cells are dx x dy, and springs are central. A spring of length l has its ends (a dx, b dy, h) apart, and a cell has n
+of its kind. An area stores 1/2 w (a dx^2 e_xx + b dy^2 e_yy + h^2 e_zz)^2 in it, w = n k / (l^2 dx dy); shear terms
 cancel in pairs. Inside a layer (h = 0) the kinds along x, y and the diagonals have the weights
 
     w_d = C12 / (dx dy)^2,    w_x = C11 / dx^4 - w_d,    w_y = C11 / dy^4 - w_d,
 
 which makes k independent of the cell's size. Between the layers (h = t) the springs also shorten the sheet's
-thickness and give way; with Z the stiffness against e_zz, in which the springs straight across make up what the
-inclined ones lack, e_zz is eliminated and
+thickness. Z is the stiffness against e_zz: the springs straight across add the part that the inclined ones lack.
+With e_zz eliminated,
 
     X - X^2 t^4 / Z = C11 / dx^4,   Y likewise with dy,   w_d = C12 / (dx dy)^2 + X Y t^4 / Z,
     w_x = X - w_d,   w_y = Y - w_d,   w_z = Z - (w_x + w_y + w_d) t^4.
 
 Their k grow like (t / dx)^2: the two families need different scaling.
 
-Central springs tie the stiffness in plane shear to C12: the springs inside the layers have it right for v = 1/3,
-those between raise the sheet's to 1.3 times that of an isotropic one for v = 1/3 and 2.4 times for v = 1/2.
+Central springs tie the stiffness in plane shear to C12. The springs inside the layers have it right for v = 1/3.
+Those between raise it to 1.3 times that of an isotropic sheet for v = 1/3, and to 2.4 times for v = 1/2.
 Springs on a free edge belong to half a cell and have half the stiffness; masses follow the node's area.
 """
 

@@ -46,13 +46,13 @@ class Model:
     """M(q) q'' = f(t, q, q', inputs) for the free coordinates; the prescribed ones are known functions of time.
 
     The mass matrix is diagonal for nodes and one small block for each arm. A coordinate, a call and an import
-    exist only for what the scene names.
+    exist only for the effects that the scene names.
 
     Args:
         lattice: The lattice.
         points: Named points, for effects that refer to them.
         effects: The effects, in the scene's order.
-        material: What the springs are made of, if they are not given by their stiffness.
+        material: Material of the springs, if they are not given by their stiffness.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Model:
         self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
 
     def coordinate_name(self, coordinate: int) -> str:
-        """Return what a coordinate belongs to, for messages: 'node_top_8_4' or 'left link 2'."""
+        """Return the owner of a coordinate, for messages: 'node_top_8_4' or 'left link 2'."""
         n = 3 * self.lattice.n_nodes
         if coordinate >= n:
             side, link = divmod(coordinate - n, self.n_angles // 2)

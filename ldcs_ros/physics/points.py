@@ -20,8 +20,8 @@ NAMED_PLACES = ("centre", "free_edge")
 class Point:
     """A point that moves with the sheet: a node, or the mean of a block (both layers, middle of an even row).
 
-    Its frame turns with the sheet: x along the lattice's x direction there, z along the normal (tangent in x
-    times tangent in y), y completing it. At rest it is parallel to `ldcs_base`.
+    Its frame rotates with the sheet. x is along the lattice's x direction there, z along the normal (tangent in x
+    times tangent in y), and y completes it. On the flat sheet it is parallel to `ldcs_base`.
 
     Attributes:
         lattice: The lattice it belongs to.
@@ -45,13 +45,13 @@ class Point:
 
     @cached_property
     def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Indices of the nodes behind and ahead along x, and along y; an edge itself stands for what is beyond it."""
+        """Indices of the nodes before and after along x, and along y; an edge itself replaces those beyond it."""
         nx, ny = self.lattice.nodes
-        behind, ahead = (max(self.columns[0] - 1, 0),), (min(self.columns[-1] + 1, nx - 1),)
+        before, after = (max(self.columns[0] - 1, 0),), (min(self.columns[-1] + 1, nx - 1),)
         right, left = (max(self.rows[0] - 1, 0),), (min(self.rows[-1] + 1, ny - 1),)
         return (
-            self._block(behind, self.rows),
-            self._block(ahead, self.rows),
+            self._block(before, self.rows),
+            self._block(after, self.rows),
             self._block(self.columns, right),
             self._block(self.columns, left),
         )
@@ -64,13 +64,13 @@ class Point:
         return self.lattice.index[:, columns, rows].ravel()
 
     def position(self, position: np.ndarray) -> np.ndarray:
-        """Return where the point is [m], shape (3,), from node positions of shape (n_nodes, 3)."""
+        """Return the position of the point [m], shape (3,), from node positions of shape (n_nodes, 3)."""
         return position[self.nodes].mean(axis=0)
 
     def frame(self, position: np.ndarray) -> np.ndarray:
         """Return the axes of its frame as columns, shape (3, 3), from node positions [m] of shape (n_nodes, 3)."""
-        behind, ahead, right, left = self.neighbours
-        along_x = (position[ahead] - position[behind]).mean(axis=0)
+        before, after, right, left = self.neighbours
+        along_x = (position[after] - position[before]).mean(axis=0)
         along_y = (position[left] - position[right]).mean(axis=0)
         normal = _cross(along_x, along_y)
         axes = np.empty((3, 3))
@@ -88,9 +88,8 @@ class Point:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the nodes of the patch and forces on them [N], shape (n, 3), equivalent to a torque [N m].
 
-        Point masses have no rotation of their own, so the torque becomes the forces of least norm with zero
-        sum and that moment: f = alpha x r about the patch's centroid, with (sum |r|^2 1 - r r^T) alpha =
-        torque.
+        Point masses have no rotation of their own, so the torque becomes forces of least norm with zero sum and
+        that moment. About the patch's centroid f = alpha x r, with (sum |r|^2 1 - r r^T) alpha = torque.
         """
         arm = position[self.patch] - position[self.patch].mean(axis=0)
         inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm

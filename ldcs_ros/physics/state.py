@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class State:
-    """What the twin is doing at an instant; `Simulation.reset(state)` goes on from it to the bit.
+    """The state of a twin at an instant; `Simulation.reset(state)` continues from it to the bit.
 
     Attributes:
         time: Simulation time [s].
@@ -19,8 +19,7 @@ class State:
             first.
         link_rate: Its time derivative [rad/s], same shape.
         pressure: Gauge pressure of each arm [Pa], shape (n_arms,), or (0,) without a pressure drive.
-        memory: What the simulation needs beside it to go on to the bit (commands, the step under way);
-            opaque.
+        memory: The simulation's own part (commands, the step under way), with which it continues to the bit; opaque.
     """
 
     time: float

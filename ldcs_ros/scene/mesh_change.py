@@ -16,7 +16,7 @@ _ALIGNED = "_aligned"
 def carry_places(before: dict[str, Any], after: dict[str, Any]) -> list[str]:
     """Give the places of a changed scene the node numbers that they have on its new mesh, in place.
 
-    A place that the change itself gives stays as it is.
+    A place that the change itself gives stays unchanged.
 
     Args:
         before: Content of the scene with the old `lattice.nodes`.
@@ -54,7 +54,7 @@ def _nodes(content: dict[str, Any]) -> tuple[int, int] | None:
     nodes = lattice.get("nodes") if isinstance(lattice, dict) else None
     if isinstance(nodes, (list, tuple)) and len(nodes) == 2 and all(type(n) is int and n >= 2 for n in nodes):
         return nodes[0], nodes[1]
-    return None  # the check of the whole scene says what is wrong
+    return None  # the check of the whole scene names the problem
 
 
 def _places(content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:

@@ -35,8 +35,8 @@ class Scene:
         effects: The effects, in the file's order.
         inputs: Schedule of commands, by time.
         sensors: Parameters of each sensor by name; empty means that none is computed.
-        solver: How to integrate.
-        material: What the sheet is made of, if it is not given by mass, stiffness and damping.
+        solver: Settings of the integration.
+        material: Material of the sheet, if it is not given by mass, stiffness and damping.
         text: The scene as YAML text, for bags.
     """
 
@@ -81,7 +81,7 @@ class Scene:
             warnings.warn(f"{self.name}: {line}", stacklevel=2)
         return parse_scene(write_yaml(content), name=self.name, origin=self.name) if changed else self
 
-    # Any: the fields of an effect are those of the class that its name stands for.
+    # Any: the fields of an effect are those of the class of that name.
     def effect(self, name: str) -> Any:
         """Return the scene's effect of a name, or None."""
         return next((effect for effect in self.effects if effect.name == name), None)

@@ -18,7 +18,7 @@ from ldcs_ros.schema.fields import did_you_mean, shown
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
-MOST_NODES = 1000  # along one side: a memory limit, far above what is useful
+MOST_NODES = 1000  # along one side: a memory limit, far above useful meshes
 # Effects that a scene may name more than once.
 REPEATABLE = ("clamp", "force", "payload")
 

@@ -1,1 +1,1 @@
-"""What a person may write into a file: fields with unit and bounds, and the reader of YAML."""
+"""The content of files that people write: fields with unit and bounds, and the strict reader of YAML."""

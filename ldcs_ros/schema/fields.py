@@ -133,7 +133,7 @@ def check_field(value: object, field: dataclasses.Field[Any]) -> object:
     """Return the value of a declared field as float, int, tuple or word.
 
     Raises:
-        ValueError: It is not what the field declares; the message says got and expected.
+        ValueError: It breaks the field's declaration; the message says got and expected.
     """
     meta = field.metadata
     if "options" in meta:
@@ -156,7 +156,7 @@ def check_fields(instance: DataclassInstance, path: str, error: type[LdcsError])
     """Check every declared field of a dataclass instance; for `__post_init__` of one that programs make, too.
 
     Raises:
-        LdcsError: A value is not what its field declares; the class is `error`.
+        LdcsError: A value breaks its field's declaration; the class is `error`.
     """
     for field in dataclasses.fields(instance):
         if "unit" in field.metadata:

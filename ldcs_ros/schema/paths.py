@@ -42,7 +42,7 @@ def put_value(content: dict[str, Any], path: str, value: object, *, said: str = 
     """Put a value at a path of a scene's content, in place.
 
     A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type,
-    `effects.springs.stiffness`. Unknown keys are left to the scene's own check, which knows what is allowed.
+    `effects.springs.stiffness`. The scene's own check judges unknown keys.
 
     Args:
         content: The scene as plain values.

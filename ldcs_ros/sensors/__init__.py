@@ -1,4 +1,4 @@
-"""Models of the rig's sensors: what they report, how often, how late and how noisily. No ROS here."""
+"""Models of the rig's sensors: their reports, rates, delays and noise. No ROS here."""
 
 from __future__ import annotations
 

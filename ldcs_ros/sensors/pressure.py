@@ -33,7 +33,7 @@ class PressureSensor:
     """Measures the gauge pressure of every arm at its ticks.
 
     Args:
-        parameters: What the scene says.
+        parameters: Parameters of the scene.
         generator: Source of the noise; each tick draws one number an arm.
         start: Time of the first possible tick [s].
     """
@@ -47,11 +47,11 @@ class PressureSensor:
 
     @property
     def next_tick(self) -> float:
-        """When it measures next [s]."""
+        """Time of the next measurement [s]."""
         return self._ticks.time
 
     def measure(self, pressure: np.ndarray) -> np.ndarray:
-        """Return what is reported at the present tick for gauge pressures [Pa] of shape (n_arms,)."""
+        """Return the report at the present tick for gauge pressures [Pa] of shape (n_arms,)."""
         self._ticks.advance()
         pressure = np.asarray(pressure, dtype=float)
         return pressure + self._generator.normal(0.0, 1.0, pressure.shape) * self.parameters.noise

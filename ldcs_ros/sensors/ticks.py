@@ -1,4 +1,4 @@
-"""A sampling grid that cannot drift: tick k lies at k / rate, whatever happened before."""
+"""A sampling grid that cannot drift: tick k lies at k / rate, independent of all before."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Ticks:
     1.0
 
     Attributes:
-        rate: Ticks a second [Hz], above 0.
+        rate: Ticks per second [Hz], above 0.
         index: Number of the next tick.
     """
 

@@ -56,8 +56,8 @@ class Measurement:
     Attributes:
         probe: Number of the probe.
         point: Name of the point that carries it.
-        time: When it was measured [s].
-        delivered: When it is known outside [s].
+        time: Time of the measurement [s].
+        delivered: Time of its delivery [s].
         position: Reported position in ldcs_base [m], shape (3,).
         orientation: Quaternion x, y, z, w from the point's frame to ldcs_base, shape (4,).
     """
@@ -74,7 +74,7 @@ class Tracker:
     """Measures at its ticks and delivers `delay` later, in order.
 
     Args:
-        parameters: What the scene says.
+        parameters: Parameters of the scene.
         generator: Source of the noise; each tick draws three numbers a probe, so a run is repeatable.
         start: Time of the first possible tick [s].
     """
@@ -89,12 +89,12 @@ class Tracker:
 
     @property
     def next_tick(self) -> float:
-        """When it measures next [s]."""
+        """Time of the next measurement [s]."""
         return self._ticks.time
 
     @property
     def next_delivery(self) -> float:
-        """When the next measurement is delivered [s]; infinite while none is under way."""
+        """Time of the next delivery [s]; infinite while no measurement is under way."""
         return self._under_way[0].delivered if self._under_way else math.inf
 
     def measure(self, pose: Callable[[str], Pose]) -> None:
@@ -110,7 +110,7 @@ class Tracker:
         self._ticks.advance()
 
     def deliver(self, time: float) -> list[Measurement]:
-        """Hand out what is due at `time` [s], oldest first."""
+        """Return the measurements that are due at `time` [s], oldest first."""
         due = []
         while self.next_delivery <= time:
             due.append(self._under_way.popleft())

@@ -1,4 +1,4 @@
-"""The static solver: the state in which all forces balance, without following the motion to it."""
+"""The static solver: the coordinates at which all forces balance, without the motion to them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ BALANCED = 1e-12  # m: a Newton step below it is rounding
 def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
     """Return the coordinates at which the forces of constant inputs balance.
 
-    Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f with h growing as
-    the steps shrink, so it creeps like the damped sheet far from rest and is Newton's method near it. A step
-    moves no node by more than half a spacing.
+    Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f, and h grows as the
+    steps shrink. Far from the equilibrium it creeps like the damped sheet, and near it it is Newton's method. A
+    step moves no node by more than half a spacing.
 
     Args:
         model: The model.
-        q: Where to start [m, rad].
-        time: At which the prescribed coordinates are taken [s].
-        inputs: What is commanded.
+        q: Coordinates of the start [m, rad].
+        time: Time of the prescribed coordinates [s].
+        inputs: Commands, held.
 
     Raises:
         DivergenceError: No balance was found; nothing holds the sheet, for example.

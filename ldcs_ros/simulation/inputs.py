@@ -47,7 +47,7 @@ class InputsState:
 class Inputs:
     """Commands of a simulation; each `set_...` takes effect at the present simulation time or is refused whole.
 
-    A command that repeats what is commanded already costs nothing.
+    A repeated command costs nothing.
 
     Attributes:
         pressure: Commanded gauge pressure of each arm [Pa], shape (2,), or None without a pressure drive.

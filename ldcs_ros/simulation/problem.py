@@ -47,6 +47,6 @@ class Problem(Protocol):
     def solver(self) -> Solver:
         """Settings of the integration."""
 
-    # Any: the fields of an effect are those of the class that its name stands for.
+    # Any: the fields of an effect are those of the class of that name.
     def effect(self, name: str) -> Any:
         """Return the effect of a name, or None."""

@@ -27,7 +27,7 @@ DEFAULT_INTEGRATOR = "esdirk43"
 
 @dataclass
 class Statistics:
-    """What a run has cost and how exact it was.
+    """The cost and the estimated error of a run.
 
     Attributes:
         steps: Accepted steps.
@@ -60,7 +60,7 @@ class Simulation:
     acts at the time that was last advanced to.
 
     Args:
-        scene: What to simulate.
+        scene: The problem to simulate.
 
     Raises:
         SceneError: The scene's effects do not fit together.
@@ -130,8 +130,8 @@ class Simulation:
     ) -> None:
         """Put the sheet into a given shape at the present time and go on from there, commands kept.
 
-        What an effect prescribes (clamped nodes, driven edges) stays where it holds it. A state that this
-        simulation had goes to `reset` instead, which resumes it to the bit.
+        Prescribed coordinates (clamped nodes, driven edges) keep their values. A state that this simulation had
+        goes to `reset` instead, which resumes it to the bit.
 
         Args:
             position: Node positions in ldcs_base [m], shape (n_nodes, 3).
@@ -189,7 +189,7 @@ class Simulation:
         motion = self.motion()
         n = 3 * self.lattice.n_nodes
         arms = (2, -1) if self.model.n_angles else (0, 0)
-        # A command that nobody has advanced past yet is waiting to act.
+        # A command at this very time acts with the next advance.
         waiting = self._input_version != self.inputs.version
         checkpoint = Checkpoint(
             self._origin(),
@@ -325,7 +325,7 @@ class Simulation:
             self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
 
     def _take_commands(self) -> None:
-        # A command acts now: drop what was integrated past now, and keep the smooth part of the acceleration.
+        # A command acts now: the step beyond now is dropped, and the smooth part of the acceleration stays.
         if self.inputs.version == self._input_version:
             return
         motion, held = self.motion(), self.inputs.held()
@@ -336,7 +336,7 @@ class Simulation:
         motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._input_version = held, self.inputs.version
         self._step = Step(motion, motion, 0.0)
-        # Whoever commands at a steady rate will do so again: no step past that time is worth taking.
+        # Commands at a steady rate continue: a step past the next one would be dropped.
         self._next_command_time, self._last_command_time = (
             2.0 * self.time - self._last_command_time,
             self.time,

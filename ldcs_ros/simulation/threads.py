@@ -23,8 +23,8 @@ def _libraries() -> tuple[Any, ...]:
 def one_thread() -> Iterator[None]:
     """Return a context in which BLAS uses one thread.
 
-    Two threads on the factors of a 9 x 9 lattice cost up to ten times more on a busy machine than one (they
-    wait for each other), and their sums may round differently from run to run.
+    On a busy machine two threads wait for each other: the factors of a 9 x 9 lattice take up to ten times longer.
+    Their sums may also round differently from run to run.
     """
     before = [(library, library.get_num_threads()) for library in _libraries()]
     several = [(library, count) for library, count in before if count != 1]

@@ -21,20 +21,20 @@ DRIVES = ("torque", "pressure", "curvature")
 class Arms(Effect):
     """Two arms along the edges y_max (left) and y_min (right), moving in the XZ plane (paper, section II, Figure 3).
 
-    Each is a chain of equal links with torsional springs and dampers at its joints. At the base and at the
-    end of each link a massless rib as long as the sheet is thick is joined to the sheet's bottom and
-    top nodes by coupling springs; where a joint station falls between two columns of nodes it holds the point
-    between them. Every number without a source is not printed in the paper: identify it, do not trust it.
+    Each is a chain of equal links with torsional springs and dampers at its joints. Joint stations are the base and
+    the end of each link. Each station has a massless rib (key `crosspiece`) as long as the sheet is thick. Coupling
+    springs join it to the sheet's bottom and top nodes, or to the point between two columns of nodes. Numbers
+    without a source are not printed in the paper: identify them, do not trust them.
 
     Attributes:
-        drive: What drives the joints: torque, pressure (through a valve) or prescribed curvature.
+        drive: Drive of the joints: torque, pressure (through a valve) or prescribed curvature.
         links: Links of each arm.
         link_mass: Mass of each link [kg].
         link_inertia: Moment of inertia of each link about its centre [kg m^2].
-        joint_stiffness: Torsional stiffness of a joint that stands for a whole link length [N m/rad].
+        joint_stiffness: Torsional stiffness of a joint of a whole link length [N m/rad].
         joint_damping: Damping of such a joint [N m s/rad].
-        base_joint_share: Part of a link length that the base joint stands for: its stiffness and damping are
-            divided by it; 0.5 puts the stations of a uniformly bent arm on its arc.
+        base_joint_share: Fraction of a link length that the base joint represents; it divides the joint's stiffness
+            and damping. With 0.5 the joint stations of a uniformly bent arm lie on its arc.
         rigid_base: Length at an arm's base that does not bend, less than a link [m].
         backbone_height: Height of the chain of links above the sheet's mid-plane, inside the sheet [m].
         crosspiece: Direction of the ribs: perpendicular to the link that ends there, or to the
@@ -53,7 +53,7 @@ class Arms(Effect):
     """
 
     name: ClassVar[str] = "arms"
-    drive: str = choice("torque", DRIVES, "what drives the joints", source="paper, section II: torques")
+    drive: str = choice("torque", DRIVES, "drive of the joints", source="paper, section II: torques")
     links: int = quantity(4, "", "links of each arm", low=1, high=64, source="paper, section II")
     link_mass: float = quantity(
         0.005, "kg", "mass of each link", low=1e-9, high=1e3, source="not printed; light against the sheet"
@@ -85,7 +85,7 @@ class Arms(Effect):
     base_joint_share: float = quantity(
         0.5,
         "",
-        "part of a link length that the base joint stands for",
+        "fraction of a link length that the base joint represents",
         low=1e-3,
         high=1e3,
         source="geometry: joint angles (1/2, 1, 1, 1) theta lie on the arc",
@@ -93,7 +93,7 @@ class Arms(Effect):
     crosspiece: str = choice(
         "link",
         ("link", "bisector"),
-        "what ribs are perpendicular to",
+        "direction of the ribs: perpendicular to the link, or to the bisector of two",
         source="paper, section II: each main link",
     )
     coupling_stiffness: float = quantity(

@@ -6,10 +6,10 @@
 3. A term adds to a flat force vector and never overwrites it: terms are summed, never switched.
 4. If the force has a potential, `energy` returns it and the force is minus its gradient.
 5. `jacobian_pattern()` names the places (row, column) that its Jacobian can fill; `jacobian` returns the exact values
-   of d(force)/dq and d(force)/du there. With `positive_definite` it may drop what makes -d(force)/dq indefinite. A term
-   whose forces turn with the sheet says so with `corotational`; its `corotated_jacobian` is then the symmetric part.
+   of d(force)/dq and d(force)/du there. With `positive_definite` it may drop the terms that make -d(force)/dq
+   indefinite. A term is `corotational` if its forces rotate with the sheet; its `corotated_jacobian` is symmetric.
 6. `constrained_dofs()` names coordinates that the effect prescribes; `prescribe` writes them and their rates.
-7. `added_mass` is what it adds to the nodes' masses [kg].
+7. `added_mass` returns the masses that it adds to the nodes [kg].
 8. `breakpoints` are the times at which its own dependence on time is not smooth.
 """
 
@@ -32,14 +32,14 @@ NO_COORDINATES = np.zeros(0, dtype=np.int64)
 
 @dataclass
 class Assembly:
-    """What effects are bound to: the lattice, its points, and what other effects bring along.
+    """The surroundings that effects are bound to: the lattice, its points, and the parts of other effects.
 
     Attributes:
         lattice: The lattice.
         points: Named points of the scene.
-        node_mass: Mass of each node with what effects added [kg], shape (n_nodes,).
+        node_mass: Mass of each node with the masses that effects add [kg], shape (n_nodes,).
         gravity: Acceleration of gravity in ldcs_base [m/s^2], zero if the scene names none.
-        material: What the springs are made of; None if they have a stiffness of their own.
+        material: Material of the springs; None if they have a stiffness of their own.
         n_angles: Number of arm coordinates after the nodes' coordinates.
     """
 
@@ -78,15 +78,15 @@ class Term:
     has_energy: bool = True
     # Displacement over which its Jacobian changes altogether, as where contact sets in [m].
     contact_width: float = float("inf")
-    # Its force depends on what is commanded.
+    # Its force depends on commands.
     commanded: bool = False
-    # Its forces turn with the sheet.
+    # Its forces rotate with the sheet.
     corotational: bool = False
     # Its dampers' coefficient over its stiffness, where it has just one [s].
     relaxation_time: float = 0.0
 
     def added_mass(self) -> np.ndarray | float:
-        """Return what the effect adds to the nodes' masses [kg], shape (n_nodes,) or 0."""
+        """Return the masses that the effect adds to the nodes [kg], shape (n_nodes,) or 0."""
         return 0.0
 
     def constrained_dofs(self) -> np.ndarray:
@@ -110,7 +110,7 @@ class Term:
         after: HeldCommands,
         force: np.ndarray,
     ) -> None:
-        """Add what a change of commands adds to the effect's force at that time; for effects that are `commanded`."""
+        """Add the jump of the effect's force at a change of commands; for effects that are `commanded`."""
         jump = np.zeros_like(force)
         self.add_force(time, q, u, before, jump)
         force -= jump
@@ -133,5 +133,5 @@ class Term:
     def corotated_jacobian(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return a symmetric Jacobian, for factors that turn with the sheet; here that of a sheet at rest."""
+        """Return a symmetric Jacobian, for factors that rotate with the sheet; here that at zero velocity."""
         return self.jacobian(time, q, np.zeros_like(u), inputs, positive_definite)

@@ -16,8 +16,8 @@ from ldcs_ros.schema.fields import REQUIRED, choices, quantity
 class DrivenEdges(Effect):
     """Prescribes both layers of the side edges to an arc of curvature kappa(t) = s(t) curvature in the XZ plane.
 
-    The mid-plane of the edge lies on the arc, its length along x kept; the layers are offset along the local
-    normal. s is the smoothstep s = 3 u^2 - 2 u^3, u = t / rise_time, from t = 0.
+    The mid-plane of the edge lies on the arc and keeps its length along x. The layers are offset along the local
+    normal. s(t) is the smoothstep s = 3 u^2 - 2 u^3, u = t / rise_time, from t = 0.
 
     Attributes:
         edges: Which side edges.

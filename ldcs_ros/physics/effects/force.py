@@ -14,15 +14,15 @@ from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Force(Effect):
-    """A constant force on a point, shared equally by the nodes that the point averages.
+    """A constant force on a point, in equal parts on the nodes that the point averages.
 
     Attributes:
-        at: Where it acts: a point of the scene, or [layer, i, j].
+        at: Its point of action: a point of the scene, or [layer, i, j].
         value: Force in ldcs_base [N].
     """
 
     name: ClassVar[str] = "force"
-    at: Location = location(REQUIRED, "where it acts")
+    at: Location = location(REQUIRED, "point of action")
     value: tuple[float, float, float] = quantity(
         REQUIRED, "N", "force in ldcs_base", low=-1e6, high=1e6, length=3, source="scene"
     )

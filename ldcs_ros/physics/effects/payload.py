@@ -13,15 +13,15 @@ from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Payload(Effect):
-    """A point mass, shared equally by the nodes that its point averages; gravity acts on it as on the nodes.
+    """A point mass, in equal parts on the nodes that its point averages; gravity acts on it as on the nodes.
 
     Attributes:
-        at: Where it is fixed: a point of the scene, or [layer, i, j].
+        at: Its place: a point of the scene, or [layer, i, j].
         mass: Its mass [kg].
     """
 
     name: ClassVar[str] = "payload"
-    at: Location = location(REQUIRED, "where it is fixed")
+    at: Location = location(REQUIRED, "place of the mass")
     mass: float = quantity(REQUIRED, "kg", "mass", low=0.0, high=1e3, source="paper: 0.040 kg")
 
     def bind(self, assembly: Assembly) -> Term:

@@ -22,12 +22,14 @@ class Springs(Effect):
     """Springs and dampers between each node and its up to 17 neighbours.
 
     axial: a spring resists change of its length, f = [k (L - L0) + c dL/dt] n along its own axis n.
-    axiswise: the paper's equations (1)-(2) as printed, f = k (u_b - u_a) + c (du_b - du_a) per axis; it
-        resists rigid rotation and has no bending stiffness, and is kept to show what it gives.
-    corotational: vector springs in each node's best-fit rotated frame; adds bending stiffness.
+
+    axiswise: the paper's equations (1)-(2) as printed, f = k (u_b - u_a) + c (du_b - du_a) per axis. This law
+    resists rigid rotation and has no bending stiffness; it is kept for comparison with the paper.
+
+    corotational: vector springs in each node's best-fit rotated frame; they add bending stiffness.
 
     Attributes:
-        law: Which of the three.
+        law: One of the three.
         stiffness: Stiffness k of each spring [N/m].
         damping: Coefficient c of each damper [N s/m].
     """
@@ -73,8 +75,8 @@ class Springs(Effect):
 class SpringTerm(Term):
     """The common part of the laws: the springs' indices and the places of their Jacobian blocks.
 
-    A spring's Jacobian is one 3 x 3 block D = d f_a / d x_b, with f_b = -f_a and d f_a / d x_a = -D, so the
-    entries are a diagonal block a node, then a block (a, b) and a block (b, a) a spring.
+    A spring's Jacobian is one 3 x 3 block D = d f_a / d x_b, with f_b = -f_a and d f_a / d x_a = -D. The
+    pattern has a diagonal block a node, then a block (a, b) and a block (b, a) a spring.
     """
 
     name = Springs.name
@@ -124,7 +126,7 @@ class AxialTerm(SpringTerm):
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         # Without the springs' tension it is positive definite. Bending puts opposite tensions on top and bottom, so
-        # little is lost; a guessed motion of a fine lattice has tensions that the true one has not.
+        # the loss is small. A guessed motion of a fine lattice has tensions that the true one has not.
         return self._jacobian(q, u, positive_definite, True)
 
     def _jacobian(

@@ -19,9 +19,9 @@ ALIGNED = "_aligned"
 class WrenchInput(Effect):
     """Accepts wrenches from the topic `external_wrench`, from schedules and from Python.
 
-    A frame is a point's name (`P0`, `node_top_8_4`): origin and axes move and turn with the sheet; or the
-    same with `_aligned`: that origin, axes of ldcs_base. The force is shared by the point's nodes; the torque
-    becomes the least forces of zero sum on the nodes around it.
+    A frame is a point's name (`P0`, `node_top_8_4`): its origin and axes move and rotate with the sheet. The same
+    name with `_aligned` has that origin and the axes of ldcs_base. The force acts in equal parts on the point's
+    nodes. The torque becomes the least forces of zero sum on the nodes around it.
 
     Attributes:
         force_limit: Largest magnitude of a force [N]; above it a command is refused.
@@ -33,16 +33,15 @@ class WrenchInput(Effect):
     torque_limit: float = quantity(10.0, "N m", "largest accepted torque", low=0.0, high=1e9)
 
     def bind(self, assembly: Assembly) -> Term:
-        """Return the term that applies what is commanded."""
+        """Return the term that applies the commanded wrenches."""
         return WrenchTerm(assembly, self)
 
 
 class WrenchTerm(Term):
     """Sum of the held wrenches; their work is an input, so there is no energy.
 
-    The Jacobian leaves out how a following frame turns its wrench: at 1 N that is about 1 N over 20 mm
-    against springs of 80 N/m each, and a Newton iteration with the exact force still converges to the exact
-    answer.
+    The Jacobian omits the rotation of a wrench with its frame. At 1 N that is about 1 N over 20 mm against springs
+    of 80 N/m each. A Newton iteration with the exact force still converges to the exact answer.
     """
 
     name = WrenchInput.name

@@ -1,8 +1,8 @@
 """The force of all effects of a scene in one compiled call, springs in structure-of-arrays form.
 
-A family is all springs of one offset between node indices: one contiguous loop without branches serves it, and springs
-that the offset would wrap around an edge have no stiffness and no damping. Tables of effects that the scene does not
-name are empty.
+A family is all springs of one offset between node indices: one contiguous loop without branches serves it. An offset
+that wraps around an edge belongs to no spring, so its stiffness and damping are zero. Tables of effects
+that the scene does not name are empty.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SCRATCH_ROWS = 12
 
 
 class ForceTables(NamedTuple):
-    """What the kernel needs of the effects.
+    """The numbers of all effects, as the kernel reads them.
 
     Attributes:
         family: Offset, first near node and one after the last near node of each family, shape (3, n_families).
@@ -84,6 +84,7 @@ def _add_family(x, v, f, pull, offset, begin, end, k, pretension, c):  # type: i
     k, pretension, c = k[begin:end], pretension[begin:end], c[begin:end]
     for e in range(ax.size):
         dx, dy, dz = bx[e] - ax[e], by[e] - ay[e], bz[e] - az[e]
+        # tension = (k (L - L0) + c (n . dv)) / L with n = d / L, so that tension d is the force.
         inverse = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
         rate = dx * (bvx[e] - avx[e]) + dy * (bvy[e] - avy[e]) + dz * (bvz[e] - avz[e])
         tension = k[e] - pretension[e] * inverse + c[e] * rate * inverse * inverse
@@ -119,6 +120,7 @@ def add_total_force(tables, drive, q, u, scratch, force):  # type: ignore[no-unt
         force: Same shape as q.
     """
     n = scratch.shape[1]
+    # Structures of arrays: one row an axis, so that a family reads and writes contiguous slices.
     x, v, f, pull = scratch[0:3], scratch[3:6], scratch[6:9], scratch[9:12]
     for axis in range(3):
         for e in range(n):
@@ -199,7 +201,7 @@ class TotalForce:
         return self._no_drive if arms is None else np.ascontiguousarray(arms.drive_torque(time, inputs))
 
     def steady(self, inputs: HeldCommands) -> np.ndarray | None:
-        """Return the constant forces with the held wrenches, shape (n_coordinates,); None if a wrench turns."""
+        """Return the constant forces with the held wrenches, shape (n_coordinates,); None if a wrench rotates."""
         if not inputs.wrenches:
             return self.constant
         term = self.model.wrench
@@ -215,12 +217,12 @@ class TotalForce:
         """Return the force on all coordinates [N, N m], shape (n_coordinates,).
 
         Raises:
-            ValueError: A held wrench turns with the sheet.
+            ValueError: A held wrench rotates with the sheet.
         """
         steady = self.steady(inputs)
         if steady is None:
             raise ValueError(
-                "a held wrench turns with the sheet; the compiled force takes constant wrenches only"
+                "a held wrench rotates with the sheet; the compiled force takes constant wrenches only"
             )
         force = steady.copy()
         add_total_force(self.tables, self.drive(time, inputs), q, u, self.scratch, force)
