@@ -58,6 +58,12 @@ class WrenchMessage(Protocol):
     torque: VectorMessage
 
 
+class StampedMessage(Protocol):
+    """A message with a header."""
+
+    header: HeaderMessage
+
+
 class WrenchStampedMessage(RosMessage, Protocol):
     """A geometry_msgs/WrenchStamped."""
 

@@ -1,4 +1,4 @@
-"""The subject of a picture: what the recorded scene says about rest shape, arms and loads."""
+"""Annotations of a picture from the recorded scene: rest shape, arms and loads."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ldcs_ros.simulation.problem import Problem
 
 @dataclass(frozen=True)
 class Annotations:
-    """What is known about the recorded system.
+    """Rest shape, arms and loads of the recorded system.
 
     Attributes:
-        title: Title of its scene; the bag's name if it does not say.
+        title: Title of its scene, or the bag's name.
         rest: Rest positions [m], shape (2, nx, ny, 3).
         point_rest: Rest positions of named points [m], shape (3,) each.
         driven: Border rows j that arms or driven edges hold, to be drawn as black lines.
@@ -36,7 +36,7 @@ class Annotations:
 
 
 def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
-    """Return what a bag says about its scene; a bag without one starts at rest and has nothing to mark."""
+    """Return the annotations of a bag's scene; a bag without one starts at rest, without loads."""
     scene = recorded_scene(recording)
     if scene is None:
         return Annotations(recording.name, track.position(0), {}, (), ())
@@ -44,7 +44,7 @@ def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
 
 
 def annotations_of_scene(scene: Problem, *, title: str) -> Annotations:
-    """Return what a scene says, under a title."""
+    """Return the annotations of a scene, under a title."""
     lattice = scene.lattice
     effects = scene.effects
     rest = lattice.reference_position

@@ -10,14 +10,23 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ldcs_ros.compare.comparison import Comparison
 from ldcs_ros.compare.difference import ChannelDifference, FieldDifference
 from ldcs_ros.compare.formatting import NOTHING, SHOWN, milliseconds, scale, three_digits
+from ldcs_ros.plotting.axes3d import (
+    MIN_HEIGHT,
+    add_colour_bar,
+    cell_means,
+    new_axes_3d,
+    quads,
+    style_axes_3d,
+)
 from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
-    GRID,
     INK,
     LINE_COLOURS,
     PAGE,
@@ -202,13 +211,12 @@ class _Left(NamedTuple):
     key: float
     plan: float
     plan_key: float
-    course: float
+    history: float
 
 
 _PARTS_ON_SCREEN = _Left(0.0, 0.355, 0.46, 0.632, 0.755)
 _PARTS_IN_PRINT = _Left(0.0, 0.345, 0.47, 0.627, 0.79)
 _WITHOUT_HEADING = 1.12  # what is below the heading fills its place
-_VIEW = {"elev": 28.0, "azim": -125.0}  # as in the pictures of the surface itself
 
 
 def surface_error_figure(surface: FieldDifference, a: str, b: str, style: FigureStyle = SCREEN) -> Figure:
@@ -227,21 +235,20 @@ def surface_error_figure(surface: FieldDifference, a: str, b: str, style: Figure
     norm = Normalize(0.0, max(float(distance.max()), 1e-12))
     left = _PARTS_ON_SCREEN if style.headed else _PARTS_IN_PRINT
     up = 1.0 if style.headed else _WITHOUT_HEADING
-    sheet: Any = whole.add_axes((left.sheet, 0.02, 0.35, 0.80 * up), projection="3d")
+    sheet = new_axes_3d(whole, (left.sheet, 0.02, 0.35, 0.80 * up))
     _draw_sheet(sheet, 1e3 * surface.place[1], distance[1], norm, style)
-    bar = whole.colorbar(
-        ScalarMappable(norm=norm, cmap=ERROR_MAP), cax=whole.add_axes((left.key, 0.2 * up, 0.009, 0.5 * up))
-    )
-    _style_bar(bar, f"distance [{unit}]", style)
+    key = whole.add_axes((left.key, 0.2 * up, 0.009, 0.5 * up))
+    colours = ScalarMappable(norm=norm, cmap=ERROR_MAP)
+    add_colour_bar(whole, key, colours, f"distance [{unit}]", style)
     _caption(whole, max(left.sheet, 0.02), f"worst moment, t = {time:.3f} s, top layer", style)
     plan = whole.add_axes((left.plan, 0.16 * up, left.plan_key - left.plan - 0.007, 0.60 * up))
     image = _draw_map(plan, factor * surface.rms_over_time, style)
-    bar = whole.colorbar(image, cax=whole.add_axes((left.plan_key, 0.2 * up, 0.009, 0.5 * up)))
-    _style_bar(bar, f"RMS over time [{unit}]", style)
+    key = whole.add_axes((left.plan_key, 0.2 * up, 0.009, 0.5 * up))
+    add_colour_bar(whole, key, image, f"RMS over time [{unit}]", style)
     _caption(whole, left.plan, "every node, over all moments", style)
-    course = whole.add_axes((left.course, 0.16 * up, 0.99 - left.course, 0.60 * up))
-    _draw_over_time(course, surface, factor, unit, style)
-    _caption(whole, left.course, "all nodes, against time", style)
+    history = whole.add_axes((left.history, 0.16 * up, 0.99 - left.history, 0.60 * up))
+    _draw_over_time(history, surface, factor, unit, style)
+    _caption(whole, left.history, "all nodes, against time", style)
     found = surface.statistics
     note = (
         f"RMS {three_digits(factor * found.rms)} {unit}, 95 % below {three_digits(factor * found.p95)} {unit}, "
@@ -252,34 +259,22 @@ def surface_error_figure(surface: FieldDifference, a: str, b: str, style: Figure
 
 
 def _draw_sheet(
-    axes: Any, place: np.ndarray, distance: np.ndarray, norm: Normalize, style: FigureStyle
+    axes: Axes3D, place: np.ndarray, distance: np.ndarray, norm: Normalize, style: FigureStyle
 ) -> None:
-    corners = [place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]]
-    quads = np.stack(corners, axis=2).reshape(-1, 4, 3)
-    mean = 0.25 * (distance[:-1, :-1] + distance[1:, :-1] + distance[1:, 1:] + distance[:-1, 1:])
-    colours = ScalarMappable(norm=norm, cmap=ERROR_MAP).to_rgba(mean.ravel())
+    colours = ScalarMappable(norm=norm, cmap=ERROR_MAP).to_rgba(cell_means(distance))
     axes.add_collection3d(
-        Poly3DCollection(quads, facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4 * style.scale)
+        Poly3DCollection(quads(place), facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4 * style.scale)
     )
     low, high = place.min(axis=(0, 1)), place.max(axis=(0, 1))
-    high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
-    for limits, one, two in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high, strict=True):
-        limits(one, two)
-    axes.set_box_aspect(high - low, zoom=0.95)
-    axes.view_init(**_VIEW)
-    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
-        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        axis.line.set_color(SOFT_INK)
-        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.set_label_text(f"{name} [mm]", fontsize=style.label - 1.0, color=INK)
+    high[2] = max(high[2], low[2] + MIN_HEIGHT * (high[0] - low[0]))
+    style_axes_3d(axes, low, high, zoom=0.95, label_size=style.label - 1.0)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.labelpad = -4.0 if style.headed else -8.0
-    axes.zaxis.set_rotate_label(False)
-    axes.zaxis.label.set_rotation(90)
     axes.locator_params(nbins=4)
     axes.tick_params(labelsize=style.tick - 1.5, colors=SOFT_INK, pad=-3 if style.headed else -4.5)
 
 
-def _draw_map(axes: Axes, rms: np.ndarray, style: FigureStyle) -> Any:
+def _draw_map(axes: Axes, rms: np.ndarray, style: FigureStyle) -> AxesImage:
     nx, ny = rms.shape
     top = max(float(rms.max()), 1e-12)
     extent = (-0.5, nx - 0.5, -0.5, ny - 0.5)
@@ -326,12 +321,6 @@ def _draw_over_time(
         ncol=2,
         borderpad=0.0,
     )
-
-
-def _style_bar(bar: Any, label: str, style: FigureStyle) -> None:
-    bar.set_label(label, fontsize=style.label, color=INK)
-    bar.ax.tick_params(labelsize=style.tick, colors=SOFT_INK, length=2)
-    bar.outline.set_visible(False)
 
 
 def _caption(figure: Figure, left: float, text: str, style: FigureStyle) -> None:

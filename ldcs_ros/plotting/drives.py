@@ -1,4 +1,4 @@
-"""What drives the arms, against time: measured pressures, joint torques and joint angles."""
+"""The drives of the arms against time: measured pressures, joint torques and joint angles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ldcs_ros.plotting.style import (
@@ -15,7 +14,7 @@ from ldcs_ros.plotting.style import (
     SOFT_INK,
     FigureStyle,
     add_title,
-    new_figure,
+    stacked_axes,
     style_axes,
 )
 from ldcs_ros.signals.tracks import Track
@@ -30,7 +29,7 @@ def drives_figure(
     title: str,
     style: FigureStyle = SCREEN,
 ) -> Figure | None:
-    """Draw pressures, joint torques and joint angles, a panel each; None if nothing drives the sheet.
+    """Draw pressures, joint torques and joint angles, a panel each; None for a sheet without drives.
 
     Args:
         pressures: Absolute pressures [Pa], shape (n,), by arm.
@@ -48,23 +47,16 @@ def drives_figure(
         panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
     if not panels:
         return None
-    foot, head = style.inches(3.8), style.inches(3.8 if style.headed else 0.8)
-    height = 0.92 * style.row * len(panels) + (0.8 if style.headed else foot + head)
-    figure = new_figure(style.width, height)
-    grid = figure.add_gridspec(
+    figure, grid = stacked_axes(
         len(panels),
-        1,
-        left=style.inches(5.67) / style.width,
-        right=1.0 - style.inches(10.8) / style.width,
-        bottom=foot / height,
-        top=1.0 - head / height,
+        style,
+        row=0.92 * style.row,
+        foot=3.8,
+        head=3.8 if style.headed else 0.8,
+        right=10.8,
         hspace=0.16,
     )
-    shared: Axes | None = None
-    for number, (label, lines) in enumerate(panels):
-        axes = figure.add_subplot(grid[number], sharex=shared)
-        shared = shared or axes
-        last = number == len(panels) - 1
+    for axes, (label, lines) in zip(grid, panels, strict=True):
         for group, track in _merged(lines):
             axes.plot(
                 track.time,
@@ -73,8 +65,7 @@ def drives_figure(
                 linewidth=1.6 * style.scale,
                 **_line_style(group[0], lines),
             )
-        style_axes(axes, x_label="time [s]" if last else "", y_label=label, style=style)
-        axes.tick_params(labelbottom=last)
+        style_axes(axes, x_label="time [s]" if axes is grid[-1] else "", y_label=label, style=style)
         axes.margins(x=0.0, y=0.1)
         if not label.startswith("pressure"):
             axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
@@ -111,7 +102,7 @@ def _merged(lines: Mapping[str, Track]) -> list[tuple[list[str], Track]]:
 
 
 def _label(names: list[str], lines: Mapping[str, Track]) -> str:
-    """Return `left joint 1`, `joints 2-4` (of both arms), `left`, `both`: what a merged line stands for."""
+    """Return `left joint 1`, `joints 2-4` (of both arms), `left`, `both`: the name of a merged line."""
     arms = list(dict.fromkeys(name.partition("_")[0] for name in names))
     joints = list(dict.fromkeys(name.partition("_")[2].removeprefix("joint_") for name in names))
     all_arms = {name.partition("_")[0] for name in lines}

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -15,14 +14,15 @@ from PIL import Image
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.plotting.annotations import Annotations
+from ldcs_ros.plotting.axes3d import new_axes_3d
 from ldcs_ros.plotting.style import INK, LABEL_SIZE, LOAD_COLOUR, SURFACE_MAP, add_title, new_figure
-from ldcs_ros.plotting.surface import add_colour_bar, common_frame, draw_surface
+from ldcs_ros.plotting.surface import add_displacement_key, common_frame, draw_surface
 from ldcs_ros.signals.tracks import SurfaceTrack
 
 WIDTH, HEIGHT, DPI = 5.2, 3.8, 100
 FRAME_RATE = 20.0
 MOST_FRAMES = 160
-_END_PAUSE = 1.2  # s that a GIF rests on its last picture before it starts again
+_END_PAUSE = 1.2  # s of the last picture of a GIF
 
 
 class MovieError(LdcsError, OSError):
@@ -53,8 +53,8 @@ def save_motion(
 
     Args:
         track: The recorded surface.
-        annotations: What the scene says about the system.
-        path: File to write; its ending says which kind.
+        annotations: Rest shape, arms and loads of the scene.
+        path: File to write; its ending is the kind.
         progress: Called with (pictures drawn, pictures in all).
 
     Raises:
@@ -87,8 +87,8 @@ def _pictures(
     frame = common_frame([track.position(index) for index in indices], annotations.rest)
     add_title(figure, annotations.title)
     stamp = figure.text(0.15 / WIDTH, 1.0 - 0.36 / HEIGHT, "", fontsize=LABEL_SIZE, color=INK, va="top")
-    add_colour_bar(figure, figure.add_axes((0.845, 0.22, 0.022, 0.5)), frame)
-    axes: Any = figure.add_axes((0.0, 0.02, 0.84, 0.94), projection="3d", computed_zorder=False)
+    add_displacement_key(figure, figure.add_axes((0.845, 0.22, 0.022, 0.5)), frame)
+    axes = new_axes_3d(figure, (0.0, 0.02, 0.84, 0.94))
     pictures = []
     for number, index in enumerate(indices):
         axes.clear()
@@ -106,7 +106,7 @@ def _write_gif(path: Path, pictures: list[Image.Image], *, period: float) -> Non
     # One palette for all pictures: no flicker, a small file.
     palette = _swatches(pictures[-1]).quantize(colors=256, dither=Image.Dither.NONE)
     frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    # GIF counts in hundredths of a second, and viewers slow down what is shown for less than two of them.
+    # GIF counts in hundredths of a second, and viewers slow down frames shorter than two of them.
     shown = max(round(100.0 * period), 2) * 10
     durations = [shown] * (len(frames) - 1) + [int(1000 * _END_PAUSE)]
     frames[0].save(
@@ -115,7 +115,7 @@ def _write_gif(path: Path, pictures: list[Image.Image], *, period: float) -> Non
 
 
 def _swatches(picture: Image.Image) -> Image.Image:
-    """Return the picture beside patches of every colour that matters, so that a palette keeps rare ones."""
+    """Return the picture beside patches of every colour of the scale, so that a palette keeps rare ones."""
     scale = SURFACE_MAP(np.linspace(0.0, 1.0, 48))[:, :3]
     colours = np.concatenate([scale, 0.8 * scale, 0.6 * scale, [to_rgb(LOAD_COLOUR)] * 4])
     rows = np.linspace(0, len(colours), picture.height, endpoint=False).astype(int)
@@ -125,29 +125,9 @@ def _swatches(picture: Image.Image) -> Image.Image:
 
 def _write_mp4(path: Path, pictures: list[Image.Image], *, rate: float) -> None:
     width, height = pictures[0].size
-    command = [
-        "ffmpeg",
-        "-y",
-        "-loglevel",
-        "error",
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{width}x{height}",
-    ]
-    command += [
-        "-r",
-        f"{rate:.4f}",
-        "-i",
-        "-",
-        "-vf",
-        "pad=ceil(iw/2)*2:ceil(ih/2)*2",
-        "-pix_fmt",
-        "yuv420p",
-        str(path),
-    ]
+    source = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:.4f} -i -"
+    target = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -pix_fmt yuv420p"
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source.split(), *target.split(), str(path)]
     pixels = b"".join(picture.tobytes() for picture in pictures)
     done = subprocess.run(command, input=pixels, capture_output=True, check=False)
     if done.returncode != 0:

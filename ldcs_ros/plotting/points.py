@@ -15,7 +15,7 @@ from ldcs_ros.plotting.style import (
     FigureStyle,
     add_title,
     label_line_ends,
-    new_figure,
+    stacked_axes,
     style_axes,
 )
 from ldcs_ros.signals.tracks import Track
@@ -41,30 +41,21 @@ def points_figure(
         style: Sizes.
     """
     names = sorted({*truth, *measured})
-    foot, head = style.inches(3.8), style.inches(5.7 if style.headed else 1.8)
-    height = style.row * len(names) + (0.8 if style.headed else foot + head)
-    figure = new_figure(style.width, height)
-    grid = figure.add_gridspec(
-        max(len(names), 1),
-        1,
-        left=style.inches(5.67) / style.width,
-        right=1.0 - style.inches(7.2) / style.width,
-        bottom=foot / height,
-        top=1.0 - head / height,
+    figure, panels = stacked_axes(
+        len(names),
+        style,
+        row=style.row,
+        foot=3.8,
+        head=5.7 if style.headed else 1.8,
+        right=7.2,
         hspace=0.25,
     )
-    shared: Axes | None = None
-    for number, name in enumerate(names):
-        axes = figure.add_subplot(grid[number], sharex=shared)
-        shared = shared or axes
+    for axes, name in zip(panels, names, strict=True):
         origin = rest.get(name, (truth if name in truth else measured)[name].first)
         _draw(axes, truth.get(name), measured.get(name), origin, style)
-        last = number == len(names) - 1
-        style_axes(
-            axes, x_label="time [s]" if last else "", y_label="displacement [mm]", title=name, style=style
-        )
-        axes.tick_params(labelbottom=last)
-    note = "lines: the state   dots: what the tracker reports" if truth and measured else ""
+        x_label = "time [s]" if axes is panels[-1] else ""
+        style_axes(axes, x_label=x_label, y_label="displacement [mm]", title=name, style=style)
+    note = "lines: the state   dots: the tracker" if truth and measured else ""
     add_title(figure, title, note, style)
     return figure
 
@@ -83,7 +74,7 @@ def _draw(
             end = float(moved[-1])
         if truth is not None:
             moved = MM * (truth.value[:, which] - origin[which])
-            # A line through a single moment would not show.
+            # A line through a single time would be invisible.
             marker = "o" if len(moved) == 1 else ""
             axes.plot(truth.time, moved, color=colour, linewidth=1.7 * style.scale, marker=marker)
             end = float(moved[-1])

@@ -1,4 +1,4 @@
-"""The look of all pictures: colours, fonts, sizes for screen and print, and how a figure is made and saved."""
+"""The style of all pictures: colours, fonts, sizes for screen and print; figures are made and saved here."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FigureStyle:
         label: Size of labels [pt].
         tick: Size of the numbers at the axes [pt].
         scale: Factor of the thickness of lines and the size of dots.
-        headed: A heading says what is shown; in print the caption does.
+        headed: Whether figures have a heading; in print the caption replaces it.
     """
 
     width: float
@@ -52,7 +52,7 @@ class FigureStyle:
     headed: bool
 
     def inches(self, lines: float) -> float:
-        """Return the height of so many lines of labels, or the width of twice as many letters [inch]."""
+        """Return the height of some lines of labels, or the width of twice as many letters [inch]."""
         return lines * self.label / 72.0
 
 
@@ -71,6 +71,46 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def stacked_axes(
+    count: int,
+    style: FigureStyle,
+    *,
+    row: float,
+    foot: float,
+    head: float,
+    right: float,
+    hspace: float,
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels under each other that share their time axis, labelled at the lowest alone.
+
+    Args:
+        count: Number of panels.
+        style: Sizes.
+        row: Height of a panel [inch].
+        foot: Lines of labels below the panels.
+        head: Lines of labels above the panels.
+        right: Lines of labels at the right of the panels.
+        hspace: Height between panels, as a fraction of a panel.
+    """
+    below, above = style.inches(foot), style.inches(head)
+    height = row * count + (0.8 if style.headed else below + above)
+    figure = new_figure(style.width, height)
+    grid = figure.add_gridspec(
+        max(count, 1),
+        1,
+        left=style.inches(5.67) / style.width,
+        right=1.0 - style.inches(right) / style.width,
+        bottom=below / height,
+        top=1.0 - above / height,
+        hspace=hspace,
+    )
+    panels: list[Axes] = []
+    for number in range(count):
+        panels.append(figure.add_subplot(grid[number], sharex=panels[0] if panels else None))
+        panels[-1].tick_params(labelbottom=number == count - 1)
+    return figure, panels
 
 
 def style_axes(
@@ -105,13 +145,13 @@ def add_title(figure: Figure, title: str, note: str = "", style: FigureStyle = S
     figure.text(left, 1.0 - 0.34 / height, note, fontsize=TICK_SIZE, color=SOFT_INK, va="top")
 
 
-def label_line_ends(axes: Axes, labels: list[tuple[float, str, Any]], *, style: FigureStyle = SCREEN) -> None:
+def label_line_ends(axes: Axes, labels: list[tuple[float, str, str]], *, style: FigureStyle = SCREEN) -> None:
     """Write each line's name and last value to the right of the axes, pushed apart so that none overlap.
 
     Args:
         axes: Axes whose limits are final.
         labels: (height in data units, text, colour) of each line.
-        style: Sizes; they say how far apart two labels are at least.
+        style: Sizes, which give the smallest distance of two labels.
     """
     gap = 1.25 * style.inches(1.0) / (axes.bbox.height / axes.figure.dpi)
     low, high = axes.get_ylim()

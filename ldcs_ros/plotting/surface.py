@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgba
 from matplotlib.figure import Figure
@@ -17,8 +18,16 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from ldcs_ros.plotting.annotations import Annotations
+from ldcs_ros.plotting.axes3d import (
+    MIN_HEIGHT,
+    MM,
+    add_colour_bar,
+    cell_means,
+    new_axes_3d,
+    quads,
+    style_axes_3d,
+)
 from ldcs_ros.plotting.style import (
-    GRID,
     INK,
     LOAD_COLOUR,
     SCREEN,
@@ -29,11 +38,8 @@ from ldcs_ros.plotting.style import (
     new_figure,
 )
 
-MM = 1e3
-ELEVATION, AZIMUTH = 28.0, -125.0  # from behind the clamp: the bent side and both arms are seen
-_LIFT = (
-    0.09  # fraction of a panel by which its box is raised: seen from above, the drawing hangs low in its box
-)
+# Fraction of a panel by which its box is raised: seen from above, the drawing is low in its box.
+_LIFT = 0.09
 _ARROW_LENGTH = 26.0  # mm
 _LABEL_LIFT = 6.0  # mm above the place of a load
 
@@ -58,8 +64,7 @@ def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> ViewBox:
     low, high = everything.min(axis=(0, 1, 2, 3)), everything.max(axis=(0, 1, 2, 3))
     margin = 0.04 * float((high - low).max())
     low, high = low - margin, high + margin
-    # A flat sheet still needs some height for its loads and a readable z axis.
-    high[2] = max(high[2], low[2] + 0.35 * (high[0] - low[0]))
+    high[2] = max(high[2], low[2] + MIN_HEIGHT * (high[0] - low[0]))
     largest = max(float(np.linalg.norm(everything[:-1] - everything[-1], axis=-1).max()), 1e-3)
     return ViewBox(low, high, Normalize(0.0, largest))
 
@@ -75,7 +80,7 @@ def surface_figure(
     Args:
         positions: Node positions [m], shape (2, nx, ny, 3) each.
         times: Their times [s].
-        annotations: What the scene says about the system.
+        annotations: Rest shape, arms and loads of the scene.
         style: Sizes.
     """
     count = len(positions)
@@ -102,7 +107,7 @@ def surface_figure(
             width / whole_width,
             height / whole_height,
         )
-        axes: Any = figure.add_axes(box, projection="3d", computed_zorder=False)
+        axes = new_axes_3d(figure, box)
         axes.patch.set_visible(False)  # it would cover the labels of the panel above
         draw_surface(axes, position, annotations, frame, large=large, style=style)
         if not large or not style.headed:
@@ -118,22 +123,20 @@ def surface_figure(
         0.5 * (whole_height - head - tall) / whole_height,
     )
     place_of_key = figure.add_axes((left, bottom, style.inches(1.0) / whole_width, tall / whole_height))
-    add_colour_bar(figure, place_of_key, frame, style)
+    add_displacement_key(figure, place_of_key, frame, style)
     return figure
 
 
 def _columns(count: int, style: FigureStyle) -> int:
-    """Return how many panels stand beside each other, so that rows are full and letters can be read."""
+    """Return the number of panels in a row: rows are full and letters legible."""
     most = 4 if style.headed or style.width > 5.0 else 2
     return count if count <= min(most, 3) else math.ceil(count / math.ceil(count / most))
 
 
-def add_colour_bar(figure: Figure, axes: Any, frame: ViewBox, style: FigureStyle = SCREEN) -> None:
-    """Draw the key of the colours."""
-    bar = figure.colorbar(ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP), cax=axes)
-    bar.set_label("displacement [mm]", fontsize=style.label, color=INK)
-    bar.ax.tick_params(labelsize=style.tick, colors=SOFT_INK, length=2)
-    bar.outline.set_visible(False)
+def add_displacement_key(figure: Figure, axes: Axes, frame: ViewBox, style: FigureStyle = SCREEN) -> None:
+    """Draw the key of the displacements."""
+    colours = ScalarMappable(norm=frame.scale, cmap=SURFACE_MAP)
+    add_colour_bar(figure, axes, colours, "displacement [mm]", style)
 
 
 def draw_surface(
@@ -158,7 +161,7 @@ def draw_surface(
 def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
     flat = layer.copy()
     flat[..., 2] = floor
-    axes.add_collection3d(Poly3DCollection(_quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
+    axes.add_collection3d(Poly3DCollection(quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
 
 
 def _draw_sheet(
@@ -166,16 +169,16 @@ def _draw_sheet(
 ) -> None:
     bottom, top = place
     polygons: list[np.ndarray] = []
-    faces: list[Any] = []
-    edges: list[Any] = []
+    faces: list[np.ndarray] = []
+    edges: list[tuple[float, float, float, float]] = []
     for layer, shift, dim in ((top, moved[1], 1.0), (bottom, moved[0], 0.72)):
-        quads = _quads(layer)
-        shade = _shade(quads) * dim
-        paint = SURFACE_MAP(scale(_cell_means(shift)))
+        cells = quads(layer)
+        shade = _shade(cells) * dim
+        paint = SURFACE_MAP(scale(cell_means(shift)))
         paint[:, :3] *= shade[:, None]
-        polygons += list(quads)
+        polygons += list(cells)
         faces += list(paint)
-        edges += [to_rgba("white", 0.55)] * len(quads)
+        edges += [to_rgba("white", 0.55)] * len(cells)
     for rim in (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1]):
         walls = _walls(bottom[rim], top[rim])
         shift = moved.mean(axis=0)[rim]
@@ -197,23 +200,13 @@ def _draw_sheet(
     )
 
 
-def _quads(layer: np.ndarray) -> np.ndarray:
-    corners = [layer[:-1, :-1], layer[1:, :-1], layer[1:, 1:], layer[:-1, 1:]]
-    return np.stack(corners, axis=2).reshape(-1, 4, 3)
-
-
 def _walls(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     return np.stack([lower[:-1], lower[1:], upper[1:], upper[:-1]], axis=1)
 
 
-def _cell_means(value: np.ndarray) -> np.ndarray:
-    mean: np.ndarray = 0.25 * (value[:-1, :-1] + value[1:, :-1] + value[1:, 1:] + value[:-1, 1:]).ravel()
-    return mean
-
-
-def _shade(quads: np.ndarray) -> np.ndarray:
+def _shade(cells: np.ndarray) -> np.ndarray:
     """Return the brightness of each quad under one lamp, 0.72 to 1, shape (n,)."""
-    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    normal = np.cross(cells[:, 2] - cells[:, 0], cells[:, 3] - cells[:, 1])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     lamp = np.array([-0.45, -0.35, 0.82])
     shade: np.ndarray = 0.72 + 0.28 * np.clip(np.abs(normal @ lamp), 0.0, 1.0)
@@ -268,24 +261,13 @@ def _draw_loads(
 
 
 def _style_axes(axes: Axes3D, frame: ViewBox, *, large: bool, style: FigureStyle) -> None:
-    for limits, low, high in zip(
-        (axes.set_xlim, axes.set_ylim, axes.set_zlim), frame.low, frame.high, strict=True
-    ):
-        limits(low, high)
-    axes.set_box_aspect(
-        frame.high - frame.low, zoom=(1.08 if large else 0.95) * (1.0 if style.headed else 0.9)
-    )
-    axes.view_init(elev=ELEVATION, azim=AZIMUTH)
+    zoom = (1.08 if large else 0.95) * (1.0 if style.headed else 0.9)
+    size = style.label if large else style.label - 1.0
+    style_axes_3d(axes, frame.low, frame.high, zoom=zoom, label_size=size)
     axes.set_proj_type("persp", focal_length=0.35)
-    for axis, name in zip((axes.xaxis, axes.yaxis, axes.zaxis), "xyz", strict=True):
-        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
-        axis.line.set_color(SOFT_INK)
-        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axis.set_label_text(f"{name} [mm]", fontsize=style.label if large else style.label - 1.0, color=INK)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(nbins=4 if style.headed else 3, steps=[1, 2, 5, 10]))
         axis.labelpad = _pad((2.0, -5.0), (-8.0, -9.5), large, style)
-    axes.zaxis.set_rotate_label(False)
-    axes.zaxis.label.set_rotation(90)
     axes.tick_params(
         labelsize=style.tick if large else style.tick - 1.5,
         colors=SOFT_INK,

@@ -1,10 +1,10 @@
-"""What the viewer opens with: the sheet at the left, the courses of points and drives at the right."""
+"""The layout of the viewer: the sheet at the left, the plots of points and drives at the right."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Mapping
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -23,14 +23,14 @@ def blueprint(
     size: np.ndarray | None = None,
     play: str = "playing",
     frame: bool = True,
-) -> Any:
+) -> object:
     """Return the rerun blueprint.
 
     Args:
         points: Named points that have a trace.
         plots: Path of each plot by its title.
         size: Length, width and thickness of the sheet [m]; None for the paper's.
-        play: 'playing', 'paused' or 'following' what is newest.
+        play: 'playing', 'paused' or 'following' the newest data.
         frame: Show the viewer's own menu bar.
     """
     rrb = _module()
@@ -53,13 +53,13 @@ def blueprint(
     )
 
 
-def _module() -> Any:
+def _module() -> ModuleType:
     rerun()
     return importlib.import_module("rerun.blueprint")
 
 
-def _sheet(rrb: Any, points: Iterable[str], length: float) -> Any:
-    so_far = rrb.VisibleTimeRanges(
+def _sheet(rrb: ModuleType, points: Iterable[str], length: float) -> object:
+    past = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
@@ -73,23 +73,23 @@ def _sheet(rrb: Any, points: Iterable[str], length: float) -> Any:
         line_grid=rrb.LineGrid3D(visible=True, spacing=_GRID, color=_GREY, stroke_width=0.6, plane=floor),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            # From the side: the bent sheet, and beyond its free edge the way of P1.
+            # From the side: the bent sheet, and the trace of P1 beyond its free edge.
             position=tuple(length * part for part in _EYE),
             look_target=tuple(length * part for part in _TARGET),
             eye_up=(0.0, 0.0, 1.0),
         ),
-        overrides={f"/{TRACES}/{name}": so_far for name in points},
+        overrides={f"/{TRACES}/{name}": past for name in points},
     )
 
 
-def _grouped(titles: list[str], views: list[Any]) -> list[list[Any]]:
-    """Return the views row by row: a row for each point, and one for all that drives."""
-    rows: dict[str, list[Any]] = {}
+def _grouped(titles: list[str], views: list[object]) -> list[list[object]]:
+    """Return the views row by row: a row for each point, and one for all drives."""
+    rows: dict[str, list[object]] = {}
     for title, view in zip(titles, views, strict=True):
         owner = title.split(" ")[0] if ": " in title else ""
         rows.setdefault(owner, []).append(view)
     return list(rows.values())
 
 
-def _tabs(rrb: Any, views: list[Any]) -> Any:
+def _tabs(rrb: ModuleType, views: list[object]) -> object:
     return views[0] if len(views) == 1 else rrb.Tabs(*views)

@@ -1,4 +1,4 @@
-"""A headless Chromium that takes a picture of a page; spoken to by its own protocol over a pipe."""
+"""A headless Chromium that takes a picture of a page; its own protocol runs over a pipe."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ldcs_ros.errors import ViewingError
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 TIMEOUT = 120.0
 _ANSWER_TIMEOUT = 60.0
-_LOOK_PERIOD = 0.5
+_PICTURE_PERIOD = 0.5
 _FLAGS = (
     "--headless=new",
     "--no-first-run",
@@ -33,7 +33,7 @@ _FLAGS = (
     "--disable-extensions",
     "--mute-audio",
     "--hide-scrollbars",
-    # A machine without a graphics card draws WebGL by software.
+    # WebGL in software, for machines without a graphics card.
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -42,7 +42,7 @@ _FLAGS = (
 
 
 class CommandRefused(ViewingError):
-    """The browser would not do what it was asked."""
+    """A command that the browser refused."""
 
 
 def find_browser() -> str | None:
@@ -57,13 +57,13 @@ def take_picture(
     ready: Callable[[np.ndarray], bool],
     timeout: float = TIMEOUT,
 ) -> bytes:
-    """Return a PNG of a page, taken when it is ready and two looks at it are the same.
+    """Return a PNG of a page, taken when the page is ready and two pictures in a row are equal.
 
     Args:
         url: Address of the page.
         size: Width and height of the window [pixels].
-        ready: Told what is seen, shape (height, width, 3), uint8; answers whether that is all.
-        timeout: Wall time after which it gives up [s].
+        ready: Function of a picture, shape (height, width, 3), uint8, that returns whether the page is complete.
+        timeout: Longest wall time [s].
 
     Raises:
         ViewingError: There is no browser, it fails, or the page is not ready in time.
@@ -81,7 +81,7 @@ def take_picture(
         except ViewingError:
             raise
         except (OSError, EOFError, KeyError) as error:
-            raise ViewingError(f"the browser {browser} failed: {error!r}; {chromium.complaint()}") from error
+            raise ViewingError(f"the browser {browser} failed: {error!r}; {chromium.last_line()}") from error
         finally:
             chromium.end()
 
@@ -98,10 +98,10 @@ def _picture(
     chromium.ask("Page.navigate", page, url=url)
     before = np.zeros(0)
     while time.monotonic() < deadline:
-        time.sleep(_LOOK_PERIOD)
+        time.sleep(_PICTURE_PERIOD)
         try:
             png = base64.b64decode(chromium.ask("Page.captureScreenshot", page, format="png")["data"])
-        except CommandRefused:  # while it goes to another page there is none
+        except CommandRefused:  # no page during navigation
             continue
         seen = _pixels(png)
         if np.array_equal(seen, before) and ready(seen):
@@ -125,8 +125,8 @@ class _Chromium:
         self._log = Path(profile) / "stderr"
         flags = [*_FLAGS, f"--window-size={size[0]},{size[1]}", f"--user-data-dir={profile}"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
-            flags.append("--no-sandbox")  # which root cannot have
-        # A shell puts the pipes where the browser looks for them, whatever numbers they have here.
+            flags.append("--no-sandbox")  # root has no sandbox
+        # A shell moves the pipes to the descriptors that the browser uses.
         wire = f'exec "$0" "$@" 3<&{commands} 4>&{answers} {commands}<&- {answers}>&-'
         with open(self._log, "wb") as log:
             self._process = subprocess.Popen(
@@ -143,7 +143,7 @@ class _Chromium:
         self._rest = b""
 
     def open_page(self, size: tuple[int, int]) -> str:
-        """Open a page and return what names it in commands."""
+        """Open a page and return its name in commands."""
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         page: str = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         self.ask("Page.enable", page)
@@ -151,7 +151,7 @@ class _Chromium:
         self.ask("Emulation.setDeviceMetricsOverride", page, **metrics)
         return page
 
-    def ask(self, method: str, page: str | None = None, **parameters: Any) -> dict[str, Any]:
+    def ask(self, method: str, page: str | None = None, **parameters: str | int | bool) -> dict[str, Any]:
         """Send one command and return its result."""
         self._number += 1
         command: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
@@ -167,10 +167,10 @@ class _Chromium:
                 result: dict[str, Any] = answer["result"]
                 return result
 
-    def complaint(self) -> str:
+    def last_line(self) -> str:
         """Return the last line that the browser wrote."""
         lines = self._log.read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "it said nothing"
+        return lines[-1] if lines else "no message"
 
     def end(self) -> None:
         """Close the browser."""

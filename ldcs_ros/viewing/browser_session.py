@@ -1,4 +1,4 @@
-"""How a view is shown to a person: the address printed, the browser opened, a picture taken, Ctrl-C awaited."""
+"""A view in a browser: open it, save a picture of it, wait for Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ldcs_ros.errors import ViewingError
 from ldcs_ros.viewing.browser import take_picture
 
 PICTURE_SIZE = (1400, 850)
-_COLOURED = 0.01  # of a picture: less is a page that has not drawn its sheet
-_LEAST_CHROMA = 60
+_MIN_COLOURED = 0.01  # fraction of the pixels; a page without its sheet has less
+_MIN_CHROMA = 60
 
 
 def is_rendered(picture: np.ndarray) -> bool:
-    """Tell whether a picture, shape (height, width, 3), holds a surface: enough pixels of a strong colour."""
+    """Return whether a picture, shape (height, width, 3), shows a surface: enough pixels of a strong colour."""
     chroma = picture.max(axis=2).astype(int) - picture.min(axis=2)
-    return bool((chroma > _LEAST_CHROMA).mean() > _COLOURED)
+    return bool((chroma > _MIN_CHROMA).mean() > _MIN_COLOURED)
 
 
 def save_picture(url: str, path: Path) -> None:
@@ -46,14 +46,14 @@ def save_picture(url: str, path: Path) -> None:
 
 
 def open_browser(url: str) -> None:
-    """Open the page where there is a screen; a browser of the terminal would take it over."""
+    """Open the page on machines with a screen; a browser of the terminal would replace the view."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         webbrowser.open(url)
 
 
 @contextmanager
 def until_stopped() -> Iterator[Callable[[float], bool]]:
-    """Give a function that waits for seconds, or for Ctrl-C or SIGTERM, and tells whether one of these came."""
+    """Return a function that waits for some seconds, Ctrl-C or SIGTERM, and returns whether a signal came."""
     stopped = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in before:

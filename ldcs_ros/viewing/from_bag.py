@@ -30,7 +30,7 @@ from ldcs_ros.viewing.rerun_package import new_stream
 from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, RerunScene
 
 MOST_SURFACES = 3000
-"""Surfaces that are shown of a long bag, evenly spread: a browser holds them in its memory."""
+"""Largest number of surfaces of a long bag, evenly spread: a browser keeps them in memory."""
 
 MM, KPA = 1e3, 1e-3
 _AXES = "xyz"
@@ -38,15 +38,15 @@ _AXES = "xyz"
 
 @dataclass(frozen=True)
 class Written:
-    """What was written.
+    """The content of a written view.
 
     Attributes:
         start: First time that is shown [s].
         end: Last time that is shown [s].
         surfaces: Surfaces that are shown.
-        every: One out of so many recorded surfaces is shown.
+        every: Interval of the shown surfaces among the recorded ones.
         points: Named points.
-        plots: What is plotted.
+        plots: Titles of the plots.
     """
 
     start: float
@@ -67,16 +67,16 @@ def write_bag(
     most_surfaces: int = MOST_SURFACES,
     progress: Callable[[float], None] | None = None,
 ) -> Written:
-    """Write what a bag shows into a .rrd file: surface, arms, loads, points, traces, plots, and the layout.
+    """Write a bag into a .rrd file: surface, arms, loads, points, traces, plots, and the layout.
 
     Args:
         recording: A Recording.
         path: File to write.
         until: Last time that is shown [s].
-        play: What the viewer does with it: 'playing', 'paused' at the start, or 'following' at the end.
+        play: State of the viewer: 'playing', 'paused' at the start, or 'following' at the end.
         frame: Show the viewer's own menu bar.
-        most_surfaces: Surfaces that are shown at most.
-        progress: Called with the part that is done, 0 ... 1.
+        most_surfaces: Largest number of surfaces.
+        progress: Called with the finished fraction, 0 ... 1.
 
     Raises:
         RecordingError: The bag holds neither surface nor points until then.
@@ -100,7 +100,7 @@ def write_bag(
         thin = slice(None, None, max(1, math.ceil(len(track.time) / (4 * most_surfaces))))
         rerun_scene.points(track.time[thin], {name: track.value[thin]})
     _write_curves(rerun_scene, recording, scene, truth, measured, until)
-    # First the layout: a viewer that plays what comes before it knows that it should wait would show a bit of it.
+    # The layout comes first: it holds whether the viewer plays or waits.
     size = None if scene is None else np.asarray(scene.lattice.size)
     layout = blueprint(rerun_scene.point_names, rerun_scene.plots, size=size, play=play, frame=frame)
     stream.send_blueprint(layout)
@@ -162,7 +162,7 @@ def _write_curves(
 
 
 def _cut(tracks: Mapping[str, Track], until: float) -> dict[str, Track]:
-    """Return tracks up to a time [s], without those that have not begun by then."""
+    """Return tracks up to a time [s], without tracks that start later."""
     kept = {name: track.time <= until + TIME_TOLERANCE for name, track in tracks.items()}
     return {
         name: Track(track.time[kept[name]], track.value[kept[name]])

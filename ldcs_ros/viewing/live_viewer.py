@@ -1,27 +1,28 @@
-"""A running twin shown as its messages come; who brings them is no matter."""
+"""A live view of a running twin from its messages, of any transport."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.marker import specs_of
+from ldcs_ros.messages.message_types import StampedMessage
 from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
+from ldcs_ros.viewing.rerun_package import Stream
 from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, RerunScene
 
 MARKERS = "visualization_msgs/msg/MarkerArray"
 MM, KPA = 1e3, 1e-3
-# A piece of a curve costs a kilobyte however short it is.
+# Each piece of a curve costs a kilobyte, so that curves are drawn in every fifth call.
 _CURVES_EVERY = 5
-_BACK = 1e-6  # s: by more than this, time has gone back
+_BACK = 1e-6  # s: a larger step back restarts the view
 
 
 def is_shown(topic: str, message_type: str) -> bool:
-    """Tell whether a topic of a twin, by its name in the twin's namespace, is one that a view shows."""
+    """Return whether a view shows a topic, by its name in the twin's namespace."""
     last = topic.split("/")[-1]
     return (last, message_type) in {
         ("nodes", CLOUD),
@@ -36,13 +37,13 @@ def is_shown(topic: str, message_type: str) -> bool:
 class LiveViewer:
     """A collector of messages; `draw` shows the latest surfaces and markers, and all points of the curves.
 
-    When time goes back, as at a reset of the twin, a new recording begins.
+    A reset of the twin, which sets the time back, starts a new recording.
 
     Args:
-        new_stream: Makes an empty rerun stream that goes to the viewer.
+        new_stream: Function that returns an empty rerun stream to the viewer.
     """
 
-    def __init__(self, new_stream: Callable[[], Any]) -> None:
+    def __init__(self, new_stream: Callable[[], Stream]) -> None:
         self._new_stream = new_stream
         self._latest: dict[str, tuple[str, bytes]] = {}
         self._rows: dict[str, list[tuple[float, np.ndarray]]] = {}
@@ -52,7 +53,7 @@ class LiveViewer:
         self._begin()
 
     def receive(self, topic: str, message_type: str, cdr: bytes) -> None:
-        """Take one message of a topic that `is_shown`; the topic's name is relative to the twin's namespace."""
+        """Add one message of a shown topic; the topic's name is relative to the twin's namespace."""
         if message_type in (CLOUD, MARKERS):
             self._latest[topic] = (message_type, cdr)
             return
@@ -68,7 +69,7 @@ class LiveViewer:
             self._add(topic, time, [*message.effort, *message.position])
 
     def draw(self) -> int:
-        """Draw what came since it was last drawn; return how many surfaces have been drawn in all."""
+        """Draw the messages since the last call; return the number of surfaces so far."""
         latest, self._latest = self._latest, {}
         rows, self._rows = self._rows, {}
         decoded = {topic: decode(*taken) for topic, taken in latest.items()}
@@ -99,7 +100,7 @@ class LiveViewer:
         return self._surfaces
 
     def close(self) -> None:
-        """End the recording; all that was received has been handed over then."""
+        """End the recording; it holds all received messages."""
         self._draw_curves()
         self._stream.disconnect()
 
@@ -111,7 +112,7 @@ class LiveViewer:
         self._draws = 0
         self._waiting: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         self._origins: dict[str, np.ndarray] = {}
-        self._laid_out: tuple[Any, ...] = ()
+        self._laid_out: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
     def _add(self, topic: str, time: float, values: list[float]) -> None:
         self._rows.setdefault(topic, []).append((time, np.array(values)))
@@ -127,7 +128,7 @@ class LiveViewer:
         if parts[-1] == "pose":
             name, truth = parts[-2], parts[0] == "truth"
             origin = self._origins.setdefault(topic, values[0])
-            title = f"{name} {'state' if truth else 'tracker'}: moved so far [mm]"
+            title = f"{name} {'state' if truth else 'tracker'}: displacement from the first pose [mm]"
             self._rerun_scene.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
             self._rerun_scene.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)
@@ -150,7 +151,7 @@ class LiveViewer:
             )
 
 
-def _stamp(message: Any) -> float:
+def _stamp(message: StampedMessage) -> float:
     """Return the time of a message with a header [s]."""
     stamp = message.header.stamp
     return float(stamp.sec + 1e-9 * stamp.nanosec)

@@ -1,7 +1,8 @@
-"""A bag written again with the markers that RViz and Foxglove draw: everything it holds, and what follows from it."""
+"""A copy of a bag with the markers of its surfaces, which RViz and Foxglove draw."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,23 +21,23 @@ def write_marker_bag(
 ) -> int:
     """Write a new bag with every message of a bag and, for its surfaces, `surface`, `arms`, `loads`, `traces`.
 
-    Bags are recorded without them because they are twice as large with them.
+    Bags are recorded without markers, which would double their size.
 
     Args:
         recording: A Recording that carries its scene and holds `nodes`.
         folder: New bag folder.
-        rate: Marker messages a second at most [Hz].
-        progress: Called with the part that is done, 0 ... 1.
+        rate: Highest rate of the markers [Hz].
+        progress: Called with the finished fraction, 0 ... 1.
 
     Returns:
-        How many marker messages were added.
+        The number of added marker messages.
 
     Raises:
         RecordingError: The bag has no scene or no surface, has markers already, or the folder cannot be written.
     """
     scene = recorded_scene(recording)
     if scene is None:
-        raise RecordingError(f"{recording.name} carries no scene: arms and loads do not follow from it")
+        raise RecordingError(f"{recording.name} carries no scene, which arms and loads need")
     clouds = find_topic(recording, "nodes", CLOUD)
     if clouds is None:
         raise RecordingError(f"{recording.name} holds no surface ('nodes'), only {sorted(recording.topics)}")
@@ -50,16 +51,15 @@ def write_marker_bag(
     source = _MarkerSource(recording, scene, Markers(scene, frame), rate)
     added = 0
     try:
-        for message in recording.in_order():
-            for marked in source.before(message.time):
-                writer.write(names[marked[0]], TOPICS[marked[0]].type, *marked[1:])
+        for message in itertools.chain(recording.in_order(), [None]):
+            for topic, cdr, time in source.before(math.inf if message is None else message.time):
+                writer.write(names[topic], TOPICS[topic].type, cdr, time)
                 added += 1
+            if message is None:
+                break
             writer.write(message.topic, message.type, message.cdr, message.time)
             if progress is not None:
                 progress((message.time - recording.start) / max(recording.end - recording.start, 1))
-        for marked in source.before(math.inf):
-            writer.write(names[marked[0]], TOPICS[marked[0]].type, *marked[1:])
-            added += 1
     finally:
         writer.close()
     if writer.error is not None:
@@ -75,13 +75,13 @@ class _MarkerSource:
         self._markers = markers
         self._period = 0.999e9 / rate
         self._due = -math.inf
-        self._moments = snapshots(recording, scene)
-        self._next: Snapshot | None = next(self._moments, None)
+        self._snapshots = snapshots(recording, scene)
+        self._next: Snapshot | None = next(self._snapshots, None)
 
     def before(self, time: float) -> Iterator[tuple[str, bytes, int]]:
-        """Give topic, message and time [ns] of what belongs before a time [ns]."""
+        """Yield topic, message and time [ns] of the markers before a time [ns]."""
         while (snapshot := self._next) is not None and snapshot.time < time:
-            self._next = next(self._moments, None)
+            self._next = next(self._snapshots, None)
             position = snapshot.shown.position
             places = {name: point.position(position) for name, point in self._scene.points.items()}
             self._markers.follow(snapshot.time, places)

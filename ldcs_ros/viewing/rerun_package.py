@@ -10,7 +10,8 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Protocol, cast
 
 from ldcs_ros.errors import ViewingError
 
@@ -18,13 +19,41 @@ ADVICE = "install it with `pip install 'ldcs_ros[view]'` (rerun-sdk, half a giga
 _APPLICATION = "ldcs"
 
 
-def rerun() -> Any:
+class Stream(Protocol):
+    """A rerun recording stream, as far as views use it; archetypes, columns and layouts are the library's objects."""
+
+    def set_time(self, timeline: str, *, duration: float) -> None:
+        """Set the time of the next calls of `log` [s]."""
+
+    def log(self, path: str, archetype: object, *, static: bool = False) -> None:
+        """Log an archetype at a path."""
+
+    def send_columns(self, path: str, *, indexes: list[object], columns: object) -> None:
+        """Send an archetype at a column of times."""
+
+    def send_blueprint(self, blueprint: object) -> None:
+        """Send the layout of the viewer."""
+
+    def save(self, path: Path) -> None:
+        """Write the stream into a file from now on."""
+
+    def set_sinks(self, *sinks: object) -> None:
+        """Send the stream to sinks from now on."""
+
+    def flush(self) -> None:
+        """Wait until all calls are written."""
+
+    def disconnect(self) -> None:
+        """End the stream."""
+
+
+def rerun() -> ModuleType:
     """Return the module `rerun`.
 
     Raises:
-        ViewingError: It is not installed; says how to install it.
+        ViewingError: The module is not installed; the message says how to install it.
     """
-    # It prints a hint of its own for each stream that ends with the process.
+    # The library prints a hint for each stream that ends with the process.
     os.environ.setdefault("RUST_LOG", "error")
     try:
         return importlib.import_module("rerun")
@@ -33,10 +62,10 @@ def rerun() -> Any:
 
 
 def program() -> Path:
-    """Return the viewer's program, which carries the web viewer.
+    """Return the path of the viewer's program, which contains the web viewer.
 
     Raises:
-        ViewingError: It is not there.
+        ViewingError: The program is missing.
     """
     rerun()
     try:
@@ -49,22 +78,22 @@ def program() -> Path:
     return path
 
 
-def new_stream(name: str) -> Any:
-    """Return an empty rerun recording of our application; nothing is sent anywhere before it has a sink.
+def new_stream(name: str) -> Stream:
+    """Return an empty rerun recording of our application; it sends nothing before it has a sink.
 
     Args:
-        name: What viewers list it as.
+        name: Name of the recording in viewers.
     """
     stream = rerun().RecordingStream(_APPLICATION)
     stream.send_recording_name(name)
-    return stream
+    return cast(Stream, stream)
 
 
 @contextmanager
 def quiet_environment() -> Iterator[dict[str, str]]:
-    """Give the environment in which the viewer's program reports nothing about its use to anybody.
+    """Return an environment in which the viewer's program sends no reports about its use.
 
-    The program keeps such a wish in a file; the user's own file is left alone.
+    The program keeps this setting in a file; the user's own file does not change.
     """
     with tempfile.TemporaryDirectory(prefix="ldcs_view_") as folder:
         environment = {**os.environ, "XDG_CONFIG_HOME": folder, "XDG_DATA_HOME": folder, "RUST_LOG": "error"}

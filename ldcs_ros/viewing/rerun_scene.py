@@ -23,7 +23,7 @@ from ldcs_ros.messages.display.marker import (
 )
 from ldcs_ros.messages.display.surface import triangles
 from ldcs_ros.plotting.style import AXIS_COLOURS, LINE_COLOURS
-from ldcs_ros.viewing.rerun_package import rerun
+from ldcs_ros.viewing.rerun_package import Stream, rerun
 
 
 class ShadedMesh:
@@ -76,17 +76,17 @@ _NODE_COLOUR = (30, 30, 30, 255)
 
 
 class RerunScene:
-    """Writes what is shown; each call belongs to one time or to a row of times.
+    """A writer of surface, markers, points and curves; each call has one time or a column of times.
 
     Args:
         stream: A rerun recording stream.
         length: Length of the sheet along x, which scales the colours [m]; None takes it from the first sheet.
 
     Attributes:
-        plots: Path of each plot by its title, in the order in which they came.
+        plots: Path of each plot by its title, in the order of their first curve.
     """
 
-    def __init__(self, stream: Any, *, length: float | None = None) -> None:
+    def __init__(self, stream: Stream, *, length: float | None = None) -> None:
         self._rr = rerun()
         self._stream = stream
         self._length = length
@@ -99,13 +99,13 @@ class RerunScene:
 
     @property
     def point_names(self) -> list[str]:
-        """Points that were shown."""
+        """Names of all points so far."""
         return sorted(self._last_place)
 
     def sheet(self, time: float, nodes: tuple[int, int], position: np.ndarray) -> None:
         """Show the sheet at a time [s]: node positions [m], shape (n_nodes, 3), nodes along x and y."""
         if self._length is None:
-            # Along its bottom, which is as long when it is bent.
+            # Along its bottom, whose length bending does not change.
             rows = position.reshape(2, *nodes, 3)[0]
             self._length = float(np.linalg.norm(np.diff(rows, axis=0), axis=-1).sum(axis=0).mean())
         mesh = self._meshes.setdefault(nodes, ShadedMesh(nodes))
@@ -114,8 +114,8 @@ class RerunScene:
         if SURFACE not in self._static:
             self._static.add(SURFACE)
             stream.log(SURFACE, rr.Mesh3D.from_fields(triangle_indices=mesh.triangles), static=True)
-            looks = rr.Points3D.from_fields(radii=_NODE_RADIUS, colors=[_NODE_COLOUR])
-            stream.log(NODES, looks, static=True)
+            style = rr.Points3D.from_fields(radii=_NODE_RADIUS, colors=[_NODE_COLOUR])
+            stream.log(NODES, style, static=True)
         place, normal = mesh.corners(position)
         painted = mesh.colours(position, self._length)
         stream.log(
@@ -125,7 +125,7 @@ class RerunScene:
         stream.log(NODES, rr.Points3D.from_fields(positions=position.astype(np.float32)))
 
     def specs(self, entity: str, time: float, specs: Iterable[MarkerSpec]) -> None:
-        """Show the figures of a marker topic at a time [s], in place of what it showed before."""
+        """Show the markers of a topic at a time [s]; they replace its earlier ones."""
         self._stream.set_time(TIMELINE, duration=time)
         by_kind: dict[str, list[MarkerSpec]] = {
             "lines": [],
@@ -138,13 +138,13 @@ class RerunScene:
             by_kind[_KINDS[spec.kind]].append(spec)
         for kind, some in by_kind.items():
             path = f"{entity}/{kind}"
-            # What was shown is taken away; what never was costs nothing.
+            # An empty archetype removes the earlier markers of its kind.
             if some or path in self._shown:
                 self._stream.log(path, self._archetype(kind, some))
                 self._shown.add(path)
 
     def points(self, times: np.ndarray, places: dict[str, np.ndarray]) -> None:
-        """Show named points and go on with their traces.
+        """Show named points and extend their traces.
 
         Args:
             times: Times [s], shape (n,).
@@ -157,10 +157,10 @@ class RerunScene:
             colour = _bytes(colours.of_point(number))
             if f"{POINTS}/{name}" not in self._static:
                 self._static.add(f"{POINTS}/{name}")
-                looks = rr.Points3D.from_fields(radii=_POINT_RADIUS, colors=[colour], labels=[name])
-                self._stream.log(f"{POINTS}/{name}", looks, static=True)
-                looks = rr.LineStrips3D.from_fields(radii=_TRACE_RADIUS, colors=[colour])
-                self._stream.log(f"{TRACES}/{name}", looks, static=True)
+                style = rr.Points3D.from_fields(radii=_POINT_RADIUS, colors=[colour], labels=[name])
+                self._stream.log(f"{POINTS}/{name}", style, static=True)
+                style = rr.LineStrips3D.from_fields(radii=_TRACE_RADIUS, colors=[colour])
+                self._stream.log(f"{TRACES}/{name}", style, static=True)
             index = [rr.TimeColumn(TIMELINE, duration=times)]
             self._stream.send_columns(
                 f"{POINTS}/{name}", indexes=index, columns=rr.Points3D.columns(positions=place)
@@ -175,7 +175,7 @@ class RerunScene:
     def curves(
         self, plot: str, names: Sequence[str], times: np.ndarray, values: np.ndarray, *, dots: bool = False
     ) -> None:
-        """Go on with curves of a plot.
+        """Extend the curves of a plot.
 
         Args:
             plot: Title of the plot, with unit.
@@ -190,11 +190,11 @@ class RerunScene:
             path = f"{place}/{name}"
             if path not in self._static:
                 self._static.add(path)
-                looks: dict[str, Any] = {"colors": [_curve_colour(name, number)], "names": [name]}
+                options: dict[str, Any] = {"colors": [_curve_colour(name, number)], "names": [name]}
                 style = (
-                    rr.SeriesPoints.from_fields(marker_sizes=[1.5], markers=["circle"], **looks)
+                    rr.SeriesPoints.from_fields(marker_sizes=[1.5], markers=["circle"], **options)
                     if dots
-                    else rr.SeriesLines.from_fields(widths=[2.0], **looks)
+                    else rr.SeriesLines.from_fields(widths=[2.0], **options)
                 )
                 self._stream.log(path, style, static=True)
             self._stream.send_columns(
@@ -203,7 +203,7 @@ class RerunScene:
                 columns=rr.Scalars.columns(scalars=np.asarray(values[:, number], dtype=float)),
             )
 
-    def _archetype(self, kind: str, specs: list[MarkerSpec]) -> Any:
+    def _archetype(self, kind: str, specs: list[MarkerSpec]) -> object:
         rr, painted = self._rr, [_bytes(spec.colour) for spec in specs]
         if kind == "lines":
             strips = [np.asarray(spec.points, dtype=np.float32) for spec in specs]
@@ -218,7 +218,7 @@ class RerunScene:
             return rr.Capsules3D(
                 lengths=[spec.scale[2] for spec in specs],
                 radii=[0.5 * spec.scale[0] for spec in specs],
-                # A capsule begins at its origin, a cylinder of ROS has its middle there.
+                # The origin of a capsule is its end, of a cylinder in ROS its middle.
                 translations=np.reshape([_foot(spec) for spec in specs], (-1, 3)),
                 quaternions=np.reshape([spec.orientation for spec in specs], (-1, 4)),
                 colors=painted,
@@ -251,7 +251,7 @@ def _bytes(colour: Iterable[float]) -> tuple[int, ...]:
 
 
 def _foot(cylinder: MarkerSpec) -> np.ndarray:
-    """Return where a cylinder begins [m], shape (3,)."""
+    """Return the end of a cylinder's axis [m], shape (3,)."""
     along = rotate(np.array(cylinder.orientation), (0.0, 0.0, 1.0))
     return np.asarray(cylinder.position) - 0.5 * cylinder.scale[2] * along
 

@@ -13,9 +13,9 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
 
 from ldcs_ros.errors import ViewingError
@@ -30,25 +30,23 @@ _IDLE_TIMEOUT = 30.0
 """Time in which a connection must send its request, and take each piece of the answer [s]."""
 _MOST_CONNECTIONS = 64
 _HEADERS = ("content-type", "content-length", "content-encoding", "rerun-final-length")
-"""What is handed on of the viewer's own answers; above all no Access-Control-Allow-Origin."""
+"""Headers of the viewer that the proxy forwards; Access-Control-Allow-Origin is not among them."""
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+Request = socket.socket | tuple[bytes, socket.socket]
+Address = tuple[str, int]
 
 
+@dataclass(frozen=True)
 class Site:
-    """What a browser opens.
-
-    Args:
-        address: Address of the page; it holds the token, without which nothing is served.
-        data_url: Where the page takes its data from: a .rrd file, or the viewer's live server.
+    """A page with its data.
 
     Attributes:
-        address: The same.
-        data_url: The same.
+        address: Address of the page, with the token that every request needs.
+        data_url: Address of the page's data: a .rrd file, or the viewer's live server.
     """
 
-    def __init__(self, address: str, data_url: str) -> None:
-        self.address = address
-        self.data_url = data_url
+    address: str
+    data_url: str
 
 
 @contextmanager
@@ -64,7 +62,7 @@ def bag_site(recording: Path, port: int) -> Iterator[Site]:
     """
     with _offline_proxy(port, recording) as proxy:
         proxy.data_url = f"{proxy.address.removesuffix('/')}{RECORDING}"
-        # Named without the token: other users can read the arguments of a process. The page has its own address.
+        # Without the token: other users can read the arguments of a process.
         with _viewer_program(proxy, [f"http://{HOST}:{proxy.server_port}{RECORDING}"]):
             yield Site(proxy.address, proxy.data_url)
 
@@ -75,7 +73,7 @@ def live_site(port: int, *, memory: str) -> Iterator[Site]:
 
     Args:
         port: Port of the page; 0 for any.
-        memory: What the server keeps for browsers that come late, such as '1GiB'; the oldest goes first.
+        memory: Memory of the server for browsers that connect later, such as '1GiB'; the oldest data go first.
 
     Raises:
         ViewingError: The port is taken, or the viewer does not start.
@@ -89,7 +87,7 @@ def live_site(port: int, *, memory: str) -> Iterator[Site]:
 
 
 class _OfflineProxy(ThreadingHTTPServer):
-    """Hands the viewer's page on, with a policy that keeps it from talking to anybody but us."""
+    """A proxy of the viewer's page, with a policy that allows the page no other address."""
 
     daemon_threads = True
 
@@ -123,26 +121,26 @@ class _OfflineProxy(ThreadingHTTPServer):
 
     @property
     def page_query(self) -> str:
-        """What the page is asked for: our data, nothing kept in the browser."""
+        """The page's query: our data, nothing stored in the browser."""
         asked = {"url": self.data_url, "hide_welcome_screen": "1", "persist": "0", "theme": "light"}
         return urlencode(asked, quote_via=quote)
 
-    def process_request(self, request: Any, client_address: Any) -> None:
+    def process_request(self, request: Request, client_address: Address) -> None:
         """Serve a connection on a thread of its own; one above the limit is closed."""
         if self._free.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
             self.shutdown_request(request)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection, then let the next one in."""
+    def process_request_thread(self, request: Request, client_address: Address) -> None:
+        """Serve a connection, then free its place."""
         try:
             super().process_request_thread(request, client_address)
         finally:
             self._free.release()
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away while it is served is no error."""
+    def handle_error(self, request: Request, client_address: Address) -> None:
+        """Ignore a browser that disconnects."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -151,7 +149,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = _IDLE_TIMEOUT
 
     def do_GET(self) -> None:
-        # Other names for this machine could be a foreign page that has itself resolved to it.
+        # Another host name could be a foreign page whose name resolves to this machine.
         hosts = self.headers.get_all("Host", [])
         if len(hosts) != 1 or hosts[0].strip().lower() not in self.server.hosts:
             self.send_error(403, "open this page as http://127.0.0.1")
@@ -164,16 +162,16 @@ class _Handler(BaseHTTPRequestHandler):
         if urlsplit(path).path == RECORDING and self.server.recording is not None:
             self._send_file(self.server.recording)
         elif path == "/":
-            # What the page shows is part of its address; which one need not be typed.
+            # The query of the page is part of its address; the redirect adds it.
             self.send_response(302)
             self.send_header("Location", f"/{token}/?{self.server.page_query}")
             self.send_header("Content-Length", "0")
             self.end_headers()
         else:
-            self._hand_on(path)
+            self._forward(path)
 
-    def log_message(self, *_: Any) -> None:
-        """Write nothing: the terminal belongs to the view."""
+    def log_message(self, *_: object) -> None:
+        """Write nothing on the terminal."""
 
     def _send_file(self, path: Path) -> None:
         with open(path, "rb") as stream:
@@ -184,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
             while piece := stream.read(_PIECE):
                 self.wfile.write(piece)
 
-    def _hand_on(self, path: str) -> None:
+    def _forward(self, path: str) -> None:
         connection = http.client.HTTPConnection(HOST, self.server.viewer_port, timeout=_START_TIMEOUT)
         try:
             connection.request("GET", path, headers={"Accept-Encoding": "identity"})
@@ -233,7 +231,7 @@ def _viewer_program(proxy: _OfflineProxy, arguments: list[str]) -> Iterator[None
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            # Ctrl-C is for us; it ends when we do, however that comes.
+            # Ctrl-C reaches this process alone, and the viewer ends with it.
             start_new_session=True,
             preexec_fn=_die_with_parent if sys.platform == "linux" else None,
         )

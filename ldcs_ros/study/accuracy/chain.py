@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ldcs_ros.physics.effects.arms import Arms
 
 
 class Sheet(Protocol):
@@ -23,7 +26,7 @@ class Chains:
     over the links before it and half of its own: M = sum m J^T J + I, and the rest is m J^T J' phi'.
     """
 
-    def __init__(self, arms: Any, sheet: Sheet) -> None:
+    def __init__(self, arms: Arms, sheet: Sheet) -> None:
         self.arms, self.sheet, self.n = arms, sheet, arms.links
         length, thickness = sheet.size[0], sheet.size[2]
         self.length = np.full(self.n, length / self.n)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +91,7 @@ class Equations:
                 self.member[i, : len(star)] = np.where(self.a[star] == i, self.b[star], self.a[star])
                 self.weight[i, : len(star)] = 1.0
 
-    def _nodes(self, at: Any) -> np.ndarray:
+    def _nodes(self, at: str | Sequence[str | int]) -> np.ndarray:
         return place_of(at, self.shape, self.points).nodes(self.grid)
 
     def _edge(self, name: str) -> np.ndarray:

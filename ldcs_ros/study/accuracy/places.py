@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -38,11 +38,11 @@ class Place:
         return np.flatnonzero(near)
 
 
-def place_of(at: Any, shape: tuple[int, ...], points: dict[str, Place]) -> Place:
+def place_of(at: str | Sequence[str | int], shape: tuple[int, ...], points: dict[str, Place]) -> Place:
     """Return the place of a scene's word: a point's name, node_<layer>_<i>_<j>, centre, free_edge or a list."""
     if isinstance(at, str) and at in points:
         return points[at]
-    words: list[Any]
+    words: list[str | int]
     if not isinstance(at, str):
         words = list(at)
     elif at.startswith("node_"):
@@ -50,7 +50,7 @@ def place_of(at: Any, shape: tuple[int, ...], points: dict[str, Place]) -> Place
     else:
         words = ["mid", at]
     layer, *rest = words
-    layers = {"bottom": (0,), "top": (1,), "mid": (0, 1)}[layer]
+    layers = {"bottom": (0,), "top": (1,), "mid": (0, 1)}[str(layer)]
     nx, ny = shape
     if len(rest) == 2:
         return Place(layers, (int(rest[0]),), (int(rest[1]),))

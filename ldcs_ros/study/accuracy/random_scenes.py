@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+Option = TypeVar("Option")
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ def random_case(seed: int) -> Case:
     def decades(low: float, high: float) -> float:
         return float(10.0 ** rng.uniform(np.log10(low), np.log10(high)))
 
-    def pick(*options: Any) -> Any:
+    def pick(*options: Option) -> Option:
         return options[int(rng.integers(len(options)))]
 
     nodes = [int(rng.integers(2, 6)), int(rng.integers(2, 5))]

@@ -18,6 +18,7 @@ from ldcs_ros.study.accuracy.equations import Equations, chamber
 from ldcs_ros.study.accuracy.random_scenes import Case
 
 if TYPE_CHECKING:
+    from ldcs_ros.physics.effects.arms import Arms
     from ldcs_ros.scene.scene import Scene
 
 Slope = Callable[[float, np.ndarray], np.ndarray]
@@ -142,7 +143,7 @@ Event = tuple[float, Callable[[], None]]
 class _Chambers:
     # The pressure of both arms since the valves last answered.
 
-    def __init__(self, arms: Any) -> None:
+    def __init__(self, arms: Arms) -> None:
         self.arms, self.start = arms, 0.0
         self.begin, self.target = np.zeros(2), np.zeros(2)
 
@@ -163,16 +164,16 @@ def _events(scene: Scene, equations: Equations, duration: float) -> list[Event]:
         driven = effect.name == "driven_edges" or getattr(effect, "drive", "") == "curvature"
         if driven and effect.rise_time < duration:
             events.append((effect.rise_time, lambda: None))
-    arms: Any = equations.effects.get("arms")
-    chambers = _Chambers(arms)
-    if arms is not None and arms.drive == "pressure":
+    arms: Arms | None = equations.effects.get("arms")
+    chambers = None if arms is None else _Chambers(arms)
+    if arms is not None and chambers is not None and arms.drive == "pressure":
         equations.pressure = chambers.at
     for command in scene.inputs:
         t = command.time
-        if command.torque is not None:
+        if command.torque is not None and arms is not None:
             torque = np.broadcast_to(np.array(command.torque, dtype=float).reshape(-1, 1), (2, arms.links))
             events.append((t, partial(setattr, equations, "held", torque)))
-        if command.pressure is not None:
+        if command.pressure is not None and arms is not None and chambers is not None:
             target = np.broadcast_to(np.array(command.pressure, dtype=float), (2,))
             later = t + arms.dead_time
             events.append((later, partial(chambers.answer, later, target)))
