@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
 from ldcs_ros.bags.bag_file import CUSTOM_DATA_RECORD, SUMMARY_RECORD, BagFile
-from ldcs_ros.bags.metadata import FileSummary, bag_information, topic_summary
+from ldcs_ros.bags.metadata import FileSummary, bag_information, parse_foreign_yaml, topic_summary
 from ldcs_ros.bags.scan import Scan
 from ldcs_ros.bags.schemas import ROS_DISTRO
 
@@ -200,8 +199,5 @@ def _summary_is_right(stream: IO[bytes]) -> bool:
 
 
 def _mapping(text: str) -> dict[str, Any]:
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError:
-        return {}
+    content = parse_foreign_yaml(text)
     return content if isinstance(content, dict) else {}

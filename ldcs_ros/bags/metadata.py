@@ -32,19 +32,29 @@ class TopicSummary:
     topic: str
     type: str
     encoding: str
-    qos: Sequence[Mapping[str, Any]]
+    qos: Sequence[Mapping[str, object]]
     type_hash: str
     count: int
+
+
+def parse_foreign_yaml(text: str) -> object:
+    """Return the content of YAML that any recorder may have written; None if it is invalid.
+
+    The strict reader is for files that people write. Other recorders repeat keys and write numbers in ways that it
+    refuses, and their bags are read as far as possible.
+    """
+    try:
+        content: object = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError):  # ValueError: a date that does not exist
+        return None
+    return content
 
 
 def topic_summary(
     topic: str, message_type: str, encoding: str, channel_metadata: Mapping[str, str], count: int
 ) -> TopicSummary:
     """A channel as its MCAP record describes it; profiles that are no YAML list are left out."""
-    try:
-        profiles = yaml.safe_load(channel_metadata.get("offered_qos_profiles") or "[]")
-    except yaml.YAMLError:
-        profiles = None
+    profiles = parse_foreign_yaml(channel_metadata.get("offered_qos_profiles") or "[]")
     qos = [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
     type_hash = channel_metadata.get("topic_type_hash", "")
     return TopicSummary(topic, message_type, encoding, qos, type_hash, count)
@@ -120,12 +130,12 @@ def _merged(files: Sequence[FileSummary]) -> list[TopicSummary]:
     return list(merged.values())
 
 
-def dump(content: Any) -> str:
+def dump(content: object) -> str:
     """YAML text: keys in the order given, texts of several lines as blocks that people can read."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True))
 
 
-def write_metadata(folder: Path, information: Mapping[str, Any]) -> None:
+def write_metadata(folder: Path, information: Mapping[str, object]) -> None:
     """Writes metadata.yaml whole or not at all: beside it, then renamed over it."""
     part = folder / f".{FILE_NAME}.part"
     try:
@@ -152,7 +162,7 @@ def sync_folder(folder: Path) -> None:
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
     """Safe YAML without anchors, which other readers need not know."""
 
-    def ignore_aliases(self, data: Any) -> bool:
+    def ignore_aliases(self, data: object) -> bool:
         return True
 
 

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import cast
 
-import yaml
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader, AnyReaderError
@@ -17,7 +16,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader, ReaderError
 
 from ldcs_ros.bags.bag_file import CUSTOM_DATA_RECORD
-from ldcs_ros.bags.metadata import FILE_NAME, ROOT_KEY
+from ldcs_ros.bags.metadata import FILE_NAME, ROOT_KEY, parse_foreign_yaml
 from ldcs_ros.bags.recording import Decoder, Message, Recording
 from ldcs_ros.bags.schemas import Schemas
 from ldcs_ros.bags.topics import Qos, TopicInfo
@@ -135,7 +134,9 @@ def _custom_data(bag: Path) -> dict[str, str]:
     """custom_data of a bag: from metadata.yaml, or from a lone MCAP file's own record."""
     try:
         if bag.is_dir():
-            content = yaml.safe_load((bag / FILE_NAME).read_text(encoding="utf-8"))
+            content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))
+            if not isinstance(content, dict):
+                raise RecordingError(f"{bag}: {FILE_NAME} is not valid YAML; run `ldcs recover {bag}`")
             custom_data = content[ROOT_KEY].get("custom_data") or {}
             return {str(key): str(value) for key, value in custom_data.items()}
         if bag.suffix == ".mcap":
@@ -143,7 +144,7 @@ def _custom_data(bag: Path) -> dict[str, str]:
                 for record in make_reader(stream).iter_metadata():
                     if record.name == CUSTOM_DATA_RECORD:
                         return dict(record.metadata)
-    except (OSError, yaml.YAMLError, McapError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, UnicodeDecodeError, McapError, KeyError, TypeError, AttributeError) as error:
         raise RecordingError(f"{bag}: its custom_data cannot be read: {one_line(error)}") from error
     return {}
 

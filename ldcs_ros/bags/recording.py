@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, overload
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +31,9 @@ class Message(NamedTuple):
     time: int
 
 
+# Any, here and below: the class of a message follows from the definition in its bag, so readers name its fields.
 class Decoder(Protocol):
-    """What turns bytes into message objects; a rosbags typestore is one."""
+    """A decoder of bytes into message objects; a rosbags typestore is one."""
 
     def deserialize_cdr(self, rawdata: bytes, typename: str, /) -> Any: ...
 
@@ -182,11 +183,7 @@ class _Decoded(Sequence[Any]):
     def __len__(self) -> int:
         return len(self.raw)
 
-    @overload
-    def __getitem__(self, index: int) -> Any: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Any]: ...
-    def __getitem__(self, index: int | slice) -> Any:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return _Decoded(self.raw[index], self.source, self.recording)
         return _decode(self.source.decoder, self.raw[index], self.recording)

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
 from mcap.well_known import Profile
 
 from ldcs_ros.bags.contents import Contents, read_contents, write_copy
@@ -20,6 +19,7 @@ from ldcs_ros.bags.metadata import (
     ROOT_KEY,
     FileSummary,
     bag_information,
+    parse_foreign_yaml,
     sync_folder,
     write_metadata,
 )
@@ -183,10 +183,10 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
 def _read_metadata(bag: Path) -> dict[str, Any]:
     """What metadata.yaml says now; empty when it is missing or unreadable."""
     try:
-        content = yaml.safe_load((bag / FILE_NAME).read_text(encoding="utf-8"))
-        information = content[ROOT_KEY]
-    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError):
+        content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return {}
+    information = content.get(ROOT_KEY) if isinstance(content, dict) else None
     return information if isinstance(information, dict) else {}
 
 

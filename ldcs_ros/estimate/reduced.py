@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -18,6 +16,8 @@ PARAMETERS = ("gain", "load", "stiffness")
 NOMINAL = np.array([1.0, 0.0, 1.0])
 GRAVITY = 9.81
 _GAMMA = 1.0 + np.sqrt(0.5)  # L-stable
+Slopes = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Derivatives of the reduced force by coordinates, by rates and by parameters."""
 
 
 class ReducedModel:
@@ -60,8 +60,7 @@ class ReducedModel:
         self._basis = np.ascontiguousarray(directions[:, free])
         self._still = np.zeros(len(mean))
         self._lay_out()
-        springs = next((term for term in self.model.terms if term.name == "springs"), None)
-        self._springs: Any = springs
+        self._springs = next((term for term in self.model.terms if term.name == "springs"), None)
         nodes = self.simulation.points[point].nodes
         weight = np.zeros(len(mean))
         weight[3 * nodes + 2] = -1.0 / len(nodes)
@@ -111,9 +110,7 @@ class ReducedModel:
             total += (theta[2] - 1.0) * self._elastic(q)
         return np.array(total)
 
-    def slopes(
-        self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def slopes(self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray) -> Slopes:
         """Return d(force)/da, d(force)/dv, each (n, n), and d(force)/dtheta, shape (n, 3)."""
         q, u = self.coordinates(a), v @ self._directions
         values = self.model.jacobian(0.0, q, u, self._held(theta[0] * pressure), positive_definite=False)
@@ -122,14 +119,16 @@ class ReducedModel:
         return by_a, by_v, by_theta
 
     def step(
-        self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray, h: float, slopes: Any
+        self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray, h: float, slopes: Slopes
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a and v a time h [s] later, by the Rosenbrock method ROS2 (order 2, L-stable, Verwer 1999)."""
         mass, (by_a, by_v, _) = self.mass(theta), slopes
         g = _GAMMA * h
         matrix = mass - g * by_v - g * g * by_a
 
-        def stage(a: np.ndarray, v: np.ndarray, less_a: np.ndarray, less_v: np.ndarray) -> Any:
+        def stage(
+            a: np.ndarray, v: np.ndarray, less_a: np.ndarray, less_v: np.ndarray
+        ) -> tuple[np.ndarray, np.ndarray]:
             # (I - g J) k = F - less, with the rows of a eliminated.
             force_a, force_v = v - less_a, self.force(a, v, pressure, theta) - mass @ less_v
             k_v = np.linalg.solve(matrix, force_v + g * (by_a @ force_a))
@@ -177,5 +176,5 @@ class ReducedModel:
 
     def _held(self, pressure: np.ndarray) -> HeldCommands:
         fill, vent = self._times
-        valves = tuple(ChamberPressure(0.0, float(p), float(p), fill, vent) for p in pressure)
-        return HeldCommands(chambers=valves)
+        chambers = tuple(ChamberPressure(0.0, float(p), float(p), fill, vent) for p in pressure)
+        return HeldCommands(chambers=chambers)

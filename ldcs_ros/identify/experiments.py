@@ -137,7 +137,7 @@ def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Co
     return tuple(kept)
 
 
-def _commanded(simulation: Simulation) -> list[Any]:
+def _commanded(simulation: Simulation) -> list[object]:
     inputs = simulation.inputs
     return [None if value is None else value.tolist() for value in (inputs.pressure, inputs.torque)]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -129,14 +128,10 @@ class _Descent:
         accuracy: float,
         progress: Callable[[str], None],
     ) -> None:
-        self._parameters, self._workers, self._accuracy, self._progress = (
-            parameters,
-            workers,
-            accuracy,
-            progress,
-        )
+        self._parameters, self._workers = parameters, workers
+        self._accuracy, self._progress = accuracy, progress
         self._at = np.full(len(parameters), np.nan)
-        self._residual: Any = None
+        self._residual = np.zeros(0)
         self._known: Sequence[np.ndarray] = ()
         self._slopes: np.ndarray | None = None
 
@@ -157,10 +152,10 @@ class _Descent:
             slopes: d(residual)/d(fraction) to use all the way; None computes it where needed.
         """
         start = np.clip(start, 1e-6, 1.0 - 1e-6)
-        self._residual = self._compute([start])[0]
-        if self._residual is None:
+        first = self._compute([start])[0]
+        if first is None:
             return None
-        self._at, self._known, self._slopes = start, known, slopes
+        self._residual, self._at, self._known, self._slopes = first, start, known, slopes
         try:
             found = least_squares(
                 self._residual_at,
@@ -185,8 +180,7 @@ class _Descent:
             self._progress(f"reduced chi-square {square:.4g}")
             if any(np.abs(normalised - place).max() < SAME for place in self._known):
                 raise _KnownMinimum
-        value: np.ndarray = self._residual
-        return value
+        return self._residual
 
     def _jacobian_at(self, normalised: np.ndarray) -> np.ndarray:
         if self._slopes is not None:

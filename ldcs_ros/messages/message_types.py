@@ -58,16 +58,15 @@ class WrenchMessage(Protocol):
     torque: VectorMessage
 
 
-class StampedMessage(Protocol):
-    """A message with a header."""
+class StampedMessage(RosMessage, Protocol):
+    """Any message with a header."""
 
     header: HeaderMessage
 
 
-class WrenchStampedMessage(RosMessage, Protocol):
+class WrenchStampedMessage(StampedMessage, Protocol):
     """A geometry_msgs/WrenchStamped."""
 
-    header: HeaderMessage
     wrench: WrenchMessage
 
 
@@ -82,6 +81,24 @@ class JointStateMessage(RosMessage, Protocol):
 
     name: Sequence[str]
     effort: Sequence[float]
+
+
+class PointFieldMessage(Protocol):
+    """A sensor_msgs/PointField, as far as a surface needs it."""
+
+    name: str
+    offset: int
+
+
+class PointCloudMessage(StampedMessage, Protocol):
+    """A sensor_msgs/PointCloud2."""
+
+    height: int
+    width: int
+    fields: Sequence[PointFieldMessage]
+    is_bigendian: bool
+    point_step: int
+    data: bytes
 
 
 class ColourMessage(Protocol):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.messages import messages
+from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.signals import CommandSource, Mapping, MappingError, fields
 from ldcs_ros.signals.channels import ChannelReport, read_channel
 from ldcs_ros.simulation.simulation import Simulation
@@ -18,7 +18,7 @@ NEAR_ZERO = 3.0e3
 
 
 def converted(
-    message: Any,
+    message: object,
     message_type: str,
     source: CommandSource,
     simulation: Simulation,
@@ -39,7 +39,7 @@ def converted(
 
 
 def _pressure(
-    message: Any,
+    message: object,
     message_type: str,
     source: CommandSource,
     simulation: Simulation,
@@ -63,7 +63,7 @@ def _pressure(
 
 
 def _torque(
-    message: Any, message_type: str, source: CommandSource, simulation: Simulation, time_ns: int
+    message: object, message_type: str, source: CommandSource, simulation: Simulation, time_ns: int
 ) -> tuple[str, bytes] | None:
     values = source.scale * fields.numbers(message, source.field, message_type)
     joints = list(source.joints or getattr(message, "name", ()) or simulation.joint_names)
@@ -80,24 +80,26 @@ def _torque(
 
 
 def _wrench(
-    message: Any, source: CommandSource, simulation: Simulation, time_ns: int
+    message: object, source: CommandSource, simulation: Simulation, time_ns: int
 ) -> tuple[str, bytes] | None:
     value = fields.at_path(
         message, source.field or next((name for name in ("wrench", "vector") if hasattr(message, name)), "")
     )
-    force, torque = (value.force, value.torque) if hasattr(value, "force") else (value, None)
+    force, torque = getattr(value, "force", value), getattr(value, "torque", None)
     if not hasattr(force, "x"):
-        raise MappingError("there is no force with x, y, z in the message; say where it is with 'field:'")
-    frame = source.frame or message.header.frame_id
-    push = tuple(source.scale * part for part in (force.x, force.y, force.z))
-    turn = (0.0, 0.0, 0.0)
-    if torque is not None:
-        turn = (source.scale * torque.x, source.scale * torque.y, source.scale * torque.z)
-    held = simulation.inputs.wrenches.get(frame)
-    unchanged = (held is None and not any(push + turn)) or (
-        held is not None and tuple(held.force) == push and tuple(held.torque) == turn
+        raise MappingError("there is no force with x, y, z in the message; name its field with 'field:'")
+    frame = source.frame or str(fields.at_path(message, "header.frame_id"))
+    wrench = Wrench(
+        *(
+            (0.0, 0.0, 0.0)
+            if vector is None
+            else tuple(source.scale * getattr(vector, axis) for axis in "xyz")
+            for vector in (force, torque)
+        )
     )
-    return None if unchanged else (source.to, messages.wrench_command(time_ns, frame, push, turn))
+    if wrench == simulation.inputs.wrenches.get(frame, Wrench()):
+        return None
+    return source.to, messages.wrench_command(time_ns, frame, wrench.force, wrench.torque)
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class MappedCommand:
     time: int
     after: int | None
     source: CommandSource
-    message: Any
+    message: object
     type: str
     report: ChannelReport
     ambient_pressure: float

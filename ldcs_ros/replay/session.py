@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
-from ldcs_ros.replay.drive import Outcome, drive
+from ldcs_ros.replay.drive import Outcome, TimedCommand, drive
 from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
@@ -172,7 +171,7 @@ def _replay_foreign(
 
 def _run(
     twin: Twin,
-    entries: Any,
+    commands: Sequence[TimedCommand],
     recorder: Recorder,
     *,
     end: int,
@@ -182,7 +181,7 @@ def _run(
 ) -> Outcome:
     twin.sinks.append(recorder)
     try:
-        return drive(twin, entries, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
+        return drive(twin, commands, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
     except DivergenceError as error:
         recorder.close()
         raise DivergenceError(

@@ -26,7 +26,7 @@ class DecodedMessage:
     """
 
     time: int
-    message: Any
+    message: object
 
 
 @dataclass
@@ -114,7 +114,7 @@ def read_channel(
     """
     if topic not in recording.topics:
         raise MappingError(f"{recording.name} has no topic {topic!r}, only {sorted(recording.topics)}")
-    messages: list[Any] = []
+    messages: list[object] = []
     stamped: list[int] = []
     logged: list[int] = []
     seen: set[tuple[int, bytes]] = set()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ldcs_ros.errors import MappingError
@@ -36,7 +34,7 @@ POSITIONS = {
 }
 
 
-def numbers(message: Any, path: str, message_type: str) -> np.ndarray:
+def numbers(message: object, path: str, message_type: str) -> np.ndarray:
     """Return the numbers at a path of a message, shape (n,); '' stands for the usual field of the type.
 
     A path is attribute names with dots between; a name that meets an array is taken of each of its elements.
@@ -55,14 +53,15 @@ def numbers(message: Any, path: str, message_type: str) -> np.ndarray:
         raise MappingError(f"field {path!r} of {message_type} holds no numbers") from error
 
 
-def position(message: Any, path: str, message_type: str, child: str) -> np.ndarray | None:
+def position(message: object, path: str, message_type: str, child: str) -> np.ndarray | None:
     """Return the position in a message [its unit], shape (3,); None if it is of another child frame.
 
     Raises:
         MappingError: The type has no usual field, or there is no such field.
     """
     if message_type == TRANSFORMS:
-        message = next((one for one in message.transforms if child in ("", one.child_frame_id)), None)
+        transforms = getattr(message, "transforms", ())
+        message = next((one for one in transforms if child in ("", one.child_frame_id)), None)
         if message is None:
             return None
     elif child and getattr(message, "child_frame_id", child) != child:
@@ -73,18 +72,18 @@ def position(message: Any, path: str, message_type: str, child: str) -> np.ndarr
         )
     value = at_path(message, path or POSITIONS[message_type])
     if hasattr(value, "x"):
-        return np.array([value.x, value.y, value.z], dtype=float)
+        value = [getattr(value, axis) for axis in "xyz"]
     array = np.asarray(value, dtype=float).ravel()
     if array.shape != (3,):
         raise MappingError(f"field {path!r} of {message_type} holds {array.size} numbers, expected x, y, z")
     return array
 
 
-def stamp(message: Any) -> int | None:
+def stamp(message: object) -> int | None:
     """Return the time in a message's header [ns], None if it has none or it was never set."""
     header = getattr(message, "header", None)
-    if header is None and getattr(message, "transforms", None):
-        header = message.transforms[0].header
+    if header is None and (transforms := getattr(message, "transforms", None)):
+        header = transforms[0].header
     if header is None:
         return None
     time = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
@@ -96,9 +95,9 @@ def default_offset(message_type: str, ambient: float = STANDARD_ATMOSPHERE) -> f
     return ambient if message_type == FLUID_PRESSURE else 0.0
 
 
-def at_path(message: Any, path: str) -> Any:
+def at_path(message: object, path: str) -> object:
     """Return what is at a dotted path of a message; MappingError names the part that is missing."""
-    value = message
+    value: object = message
     for name in filter(None, path.split(".")):
         if isinstance(value, (list, tuple)):
             value = [_attribute(item, name, path) for item in value]
@@ -107,7 +106,7 @@ def at_path(message: Any, path: str) -> Any:
     return value
 
 
-def _attribute(value: Any, name: str, path: str) -> Any:
+def _attribute(value: object, name: str, path: str) -> object:
     if not hasattr(value, name):
         raise MappingError(
             f"there is no field {name!r} on the path {path!r}; the message has {_names(value)}"
@@ -115,5 +114,5 @@ def _attribute(value: Any, name: str, path: str) -> Any:
     return getattr(value, name)
 
 
-def _names(message: Any) -> list[str]:
+def _names(message: object) -> list[str]:
     return [name for name in getattr(message, "__dataclass_fields__", {}) if not name.startswith("_")]

@@ -137,7 +137,7 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
         raise MappingError(f"{error} @ {file.name}") from error
 
 
-def parse_mapping(content: Any) -> Mapping:
+def parse_mapping(content: object) -> Mapping:
     """Return the mapping of a file's content.
 
     Raises:
@@ -167,7 +167,7 @@ def parse_mapping(content: Any) -> Mapping:
     )
 
 
-def _command(entry: Any, path: str, ambient: float) -> CommandSource:
+def _command(entry: object, path: str, ambient: float) -> CommandSource:
     block = _CHECKS.keys(entry, _COMMAND, path, required=("topic", "to"))
     to = _CHECKS.choice(block["to"], COMMANDS, f"{path}.to")
     arms = tuple(
@@ -191,7 +191,7 @@ def _command(entry: Any, path: str, ambient: float) -> CommandSource:
     )
 
 
-def _measurement(entry: Any, path: str, ambient: float) -> MeasurementSource:
+def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
     block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("topic", "to"))
     to = _CHECKS.text(block["to"], f"{path}.to")
     if to in (f"{arm}/pressure" for arm in ARMS):
@@ -233,6 +233,6 @@ def _offset(block: dict[str, Any], path: str, ambient: float) -> float | None:
     return ambient if _CHECKS.truth(absolute, f"{path}.absolute") else 0.0
 
 
-def _unit(value: Any, known: dict[str, float], path: str) -> float:
+def _unit(value: object, known: dict[str, float], path: str) -> float:
     # Without a unit a value is in SI: the first of each table.
     return known[next(iter(known)) if value is None else _CHECKS.choice(value, known, path)]

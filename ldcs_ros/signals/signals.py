@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -160,7 +159,7 @@ def _measured(
     return np.array(times, dtype=np.int64), np.array(values)
 
 
-def _value(message: Any, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray | None:
+def _value(message: object, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray | None:
     if source.to.endswith("/pressure"):
         offset = fields.default_offset(kind, ambient) if source.offset is None else source.offset
         return np.array([source.scale * _number(message, source, kind, source.field) - offset])
@@ -174,12 +173,13 @@ def _value(message: Any, source: MeasurementSource, kind: str, ambient: float) -
     return turned
 
 
-def _number(message: Any, source: MeasurementSource, kind: str, path: str) -> float:
+def _number(message: object, source: MeasurementSource, kind: str, path: str) -> float:
     values = fields.numbers(message, path, kind)
     joint = source.to.removeprefix("joint/")
     index = source.index
-    if index is None and joint != source.to and joint in getattr(message, "name", ()):
-        index = list(message.name).index(joint)
+    names = list(getattr(message, "name", ()))
+    if index is None and joint != source.to and joint in names:
+        index = names.index(joint)
     if index is None and values.size != 1:
         raise MappingError(f"{source.topic} has {values.size} values; say with 'index:' which is {source.to}")
     if index is not None and index >= values.size:

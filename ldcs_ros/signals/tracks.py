@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ldcs_ros.bags import Channel, Recording
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.display.markers import DrawableState
+from ldcs_ros.messages.message_types import PointCloudMessage, StampedMessage, WrenchStampedMessage
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.topics import find_topic, find_topics
@@ -62,7 +62,7 @@ class SurfaceTrack:
     """
 
     def __init__(self, channel: Channel, start: int) -> None:
-        self._messages: Sequence[Any] = channel.messages
+        self._messages: Sequence[PointCloudMessage] = channel.messages
         first = self._messages[0]
         self.nodes: tuple[int, int] = (first.height // 2, first.width)
         self.time = seconds(np.asarray(channel.times), start)
@@ -79,7 +79,7 @@ class SurfaceTrack:
         return cloud_positions(self._messages[index]).reshape(2, *self.nodes, 3)
 
 
-def cloud_positions(cloud: Any) -> np.ndarray:
+def cloud_positions(cloud: PointCloudMessage) -> np.ndarray:
     """Return x, y, z of every point of a PointCloud2 [m], shape (n, 3), as float64."""
     offsets = {field.name: field.offset for field in cloud.fields}
     order = ">" if cloud.is_bigendian else "<"
@@ -163,7 +163,7 @@ def seconds(nanoseconds: np.ndarray, start: int) -> np.ndarray:
     return np.asarray(nanoseconds - origin, dtype=np.int64) * 1e-9
 
 
-def _stamps(messages: Sequence[Any], start: int) -> np.ndarray:
+def _stamps(messages: Sequence[StampedMessage], start: int) -> np.ndarray:
     # The header says when the value was true; the log time says when it was sent, a delay later.
     stamps = np.array(
         [m.header.stamp.sec * 1_000_000_000 + m.header.stamp.nanosec for m in messages], dtype=np.int64
@@ -236,7 +236,7 @@ class _LatestLoads:
         self._wrenches: dict[str, Wrench] = {}
         self.joints = np.zeros(0)
 
-    def take_wrench(self, time: int, message: Any) -> None:
+    def take_wrench(self, time: int, message: WrenchStampedMessage) -> None:
         self._follow_schedule(time)
         force, torque = message.wrench.force, message.wrench.torque
         # Several twins in one tf tree have a prefix before each frame.

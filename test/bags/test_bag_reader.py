@@ -10,6 +10,7 @@ from rosbags.rosbag2 import Writer as ForeignWriter
 from rosbags.typesys import Stores, get_typestore
 
 from ldcs_ros.bags import BagWriter, Message, Recording, TopicInfo, read_bag
+from ldcs_ros.bags.metadata import parse_foreign_yaml
 from ldcs_ros.errors import RecordingError
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -153,3 +154,12 @@ def test_channels_read_in_one_pass_hold_what_each_would_hold_alone(tmp_path, mak
         assert together.channels[topic].times.tolist() == alone.channels[topic].times.tolist()
     with pytest.raises(RecordingError, match="no topic '/d'"):
         together.load(["/d"])
+
+
+@pytest.mark.parametrize(
+    ("text", "content"),
+    [("{a: 1, a: 2}", {"a": 2}), ("a: 2020-13-45", None), ("a: [", None), ("[" * 5000, None)],
+    ids=["repeated key", "no date", "cut off", "nested"],
+)
+def test_yaml_of_other_recorders_is_read_as_far_as_possible(text, content):
+    assert parse_foreign_yaml(text) == content
