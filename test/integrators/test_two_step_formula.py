@@ -26,7 +26,7 @@ def driven(name, **solver):
 def jumps(simulation, course, commands=range(COMMANDS)):
     for count in commands:
         simulation.advance_to(count / RATE)
-        course.send(simulation.inputs, course.most * (0.25 if count % 2 else 0.1))
+        course.send(simulation.inputs, course.maximum * (0.25 if count % 2 else 0.1))
     simulation.advance_to(COMMANDS / RATE)
     return simulation
 
@@ -62,7 +62,7 @@ def test_a_resumed_run_goes_on_to_the_bit():
     ends = []
     for _ in range(2):
         simulation.reset(kept)
-        course.send(simulation.inputs, 0.3 * course.most)
+        course.send(simulation.inputs, 0.3 * course.maximum)
         simulation.advance_to(0.25)
         ends.append(simulation.state.position.copy())
     assert np.array_equal(*ends)
