@@ -24,7 +24,7 @@ class DivergenceError(LdcsError, RuntimeError):
 
 
 class RecordingError(LdcsError, OSError):
-    """A bag cannot be opened, written or mended."""
+    """A bag cannot be opened, written or repaired."""
 
 
 class MappingError(LdcsError, ValueError):

@@ -152,12 +152,12 @@ class BagFile:
         )
 
     def flush(self) -> None:
-        """Ends the chunk in progress and hands all to the operating system: a killed process keeps it."""
+        """End the chunk in progress and hand all to the operating system: it survives a killed process."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._pack_indices()
 
     def sync(self) -> None:
-        """Waits until what was flushed is on the disk: a power cut keeps it."""
+        """Wait until all flushed data are on the disk: they survive a power cut."""
         os.fdatasync(self._stream.fileno())
 
     def check(self) -> None:
@@ -183,7 +183,7 @@ class BagFile:
         return sum(self._counts.values())
 
     def summary(self, name: str | None = None) -> FileSummary:
-        """What the file holds so far, under its own name or the one that it will get."""
+        """Return the content of the file so far, under its own name or its final one."""
         topics = tuple(
             topic_summary(topic, message_type, encoding, metadata, self._counts[channel])
             for channel, (topic, message_type, encoding, metadata) in self._channels.items()
@@ -191,10 +191,10 @@ class BagFile:
         return FileSummary(name or self.path.name, self._start if self.count else 0, self._end, topics)
 
     def finish(self, information: Mapping[str, object]) -> None:
-        """Writes the summary and closes the file.
+        """Write the summary and close the file.
 
         Args:
-            information: What metadata.yaml says; carried in the file too.
+            information: Content of metadata.yaml, which the file carries, too.
         """
         self.flush()  # the record must follow the last chunk, as readers of rosbag2 expect
         self.add_metadata(SUMMARY_RECORD, {"serialized_metadata": dump(dict(information))})
@@ -212,7 +212,7 @@ class BagFile:
             self._packed += 1
 
     def abandon(self) -> None:
-        """Closes the file as it stands; after finish it does nothing."""
+        """Close the file without a summary; after finish it does nothing."""
         with suppress(OSError):
             self._stream.close()
 

@@ -1,4 +1,4 @@
-"""What an MCAP file turned out to hold when it was read from its start, and a sound copy of it."""
+"""The content of an MCAP file, read from its start, and a sound copy of it."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Contents:
     sound: bool = False
 
     def add(self, record: McapRecord) -> None:
-        """Counts a record in; a message whose channel was lost is dropped."""
+        """Count a record; a message whose channel was lost is dropped."""
         if isinstance(record, Message):
             if record.channel_id not in self.channels:
                 self.dropped += len(record.data)
@@ -81,14 +81,14 @@ class Contents:
             self.add_information(_mapping(record.metadata.get("serialized_metadata", "")))
 
     def add_information(self, information: dict[str, Any]) -> None:
-        """Takes from metadata.yaml what the records did not tell."""
+        """Add values of metadata.yaml that the records lack."""
         custom_data = information.get("custom_data")
         if not self.custom_data and isinstance(custom_data, dict):
             self.custom_data = {str(key): str(value) for key, value in custom_data.items()}
         self.ros_distro = self.ros_distro or str(information.get("ros_distro") or "")
 
     def summary(self, name: str) -> FileSummary:
-        """The file as metadata.yaml lists it."""
+        """Return the file as metadata.yaml lists it."""
         topics = tuple(
             topic_summary(c.topic, self._type(c), c.message_encoding, c.metadata, self.counts[c.id])
             for c in self.channels.values()
@@ -96,7 +96,7 @@ class Contents:
         return FileSummary(name, self.start if self.counts.total() else 0, self.end, topics)
 
     def schema(self, channel: Channel) -> tuple[str, str, bytes] | None:
-        """Name, encoding and text of a channel's schema."""
+        """Return name, encoding and text of a channel's schema."""
         schema = self.schemas.get(channel.schema_id)
         return (schema.name, schema.encoding, schema.data) if schema else None
 
@@ -105,10 +105,10 @@ class Contents:
         return schema.name if schema else ""
 
 
-def read_contents(stream: IO[bytes], size: int, tell: Callable[[int], None] | None = None) -> Contents:
-    """Reads a file of some length [bytes] through once and compares it with its own index."""
+def read_contents(stream: IO[bytes], size: int, progress: Callable[[int], None] | None = None) -> Contents:
+    """Read a file of some length [bytes] once and compare it with its own index."""
     stream.seek(0)
-    scan = Scan(stream, size, tell)
+    scan = Scan(stream, size, progress)
     contents = Contents()
     for record in scan:
         contents.add(record)
@@ -123,17 +123,17 @@ def write_copy(
     contents: Contents,
     path: Path,
     name: str,
-    tell: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> FileSummary:
-    """Writes a sound file with everything that can be read from a damaged one, in the same order.
+    """Write a sound file with everything readable of a damaged one, in the same order.
 
     Args:
         stream: The damaged file.
         size: Its length [bytes].
-        contents: What read_contents found in it.
+        contents: Its content by `read_contents`.
         path: The new file.
-        name: The name that it will have in the end.
-        tell: Called with the position in the damaged file.
+        name: Its final name.
+        progress: Called with the position in the damaged file.
 
     Raises:
         OSError: No room, or other trouble with the disk; the new file is then removed.
@@ -143,7 +143,7 @@ def write_copy(
     try:
         file.add_metadata(CUSTOM_DATA_RECORD, contents.custom_data)
         ids: dict[int, int] = {}
-        for record in Scan(stream, size, tell):
+        for record in Scan(stream, size, progress):
             if isinstance(record, Channel) and record.id not in ids:
                 ids[record.id] = file.add_channel(
                     record.topic, record.message_encoding, contents.schema(record), record.metadata
@@ -170,7 +170,7 @@ def write_copy(
 
 
 def _index_agrees(stream: IO[bytes], contents: Contents) -> bool:
-    """Whether readers that trust the index see what is there."""
+    """Return whether the index agrees with the records."""
     try:
         if not _summary_is_right(stream):
             return False
@@ -187,7 +187,7 @@ def _index_agrees(stream: IO[bytes], contents: Contents) -> bool:
 
 
 def _summary_is_right(stream: IO[bytes]) -> bool:
-    """Whether the summary has the checksum that the footer says; writers may leave it out (0)."""
+    """Return whether the summary has the checksum of the footer; writers may leave it out (0)."""
     end = stream.seek(-_FOOTER.size, os.SEEK_END)
     footer = stream.read()
     _, _, start, _, checksum, _ = _FOOTER.unpack(footer)

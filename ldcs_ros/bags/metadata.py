@@ -1,4 +1,4 @@
-"""metadata.yaml, version 9: the card in a bag folder that rosbag2 reads before any message."""
+"""metadata.yaml, version 9: the file in a bag folder that rosbag2 reads before any message."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def parse_foreign_yaml(text: str) -> object:
 def topic_summary(
     topic: str, message_type: str, encoding: str, channel_metadata: Mapping[str, str], count: int
 ) -> TopicSummary:
-    """A channel as its MCAP record describes it; profiles that are no YAML list are left out."""
+    """Return a channel as its MCAP record describes it; profiles that are no YAML list are left out."""
     profiles = parse_foreign_yaml(channel_metadata.get("offered_qos_profiles") or "[]")
     qos = [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
     type_hash = channel_metadata.get("topic_type_hash", "")
@@ -78,7 +78,7 @@ class FileSummary:
 def bag_information(
     files: Sequence[FileSummary], custom_data: Mapping[str, str], *, ros_distro: str = ROS_DISTRO
 ) -> dict[str, Any]:
-    """Everything that metadata.yaml says, without its root key; all fields are always there."""
+    """Return the content of metadata.yaml without its root key; it always has all fields."""
     filled = [file for file in files if file.count]
     start = min((file.start for file in filled), default=0)
     end = max((file.end for file in filled), default=0)
@@ -119,7 +119,7 @@ def bag_information(
 
 
 def _merged(files: Sequence[FileSummary]) -> list[TopicSummary]:
-    """Channels over all files: one entry for each topic and type."""
+    """Return the channels over all files: one entry for each topic and type."""
     merged: dict[tuple[str, str], TopicSummary] = {}
     for topic in (topic for file in files for topic in file.topics):
         key = topic.topic, topic.type
@@ -131,12 +131,12 @@ def _merged(files: Sequence[FileSummary]) -> list[TopicSummary]:
 
 
 def dump(content: object) -> str:
-    """YAML text: keys in the order given, texts of several lines as blocks that people can read."""
+    """Return YAML text: keys in the order given, texts of several lines as readable blocks."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True))
 
 
 def write_metadata(folder: Path, information: Mapping[str, object]) -> None:
-    """Writes metadata.yaml whole or not at all: beside it, then renamed over it."""
+    """Write metadata.yaml whole or not at all: beside it, then renamed over it."""
     part = folder / f".{FILE_NAME}.part"
     try:
         with open(part, "w", encoding="utf-8") as stream:
@@ -151,7 +151,7 @@ def write_metadata(folder: Path, information: Mapping[str, object]) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes the names in a folder durable, so that a rename survives a power cut."""
+    """Make the names in a folder durable, so that a rename survives a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -27,7 +27,7 @@ STORAGE_SUFFIXES = (".mcap", ".db3")
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:
-    """Opens a bag; messages are read from it when they are asked for.
+    """Open a bag; its messages are read on demand.
 
     Args:
         path: Bag folder (with metadata.yaml), .mcap file or .db3 file.
@@ -61,7 +61,7 @@ class _Bag:
 
     @cached_property
     def decoder(self) -> Decoder:
-        """Types as the bag defines them; those that it does not define are taken from ROS 2 Kilted."""
+        """Types as the bag defines them; ROS 2 Kilted defines the others."""
         known = Schemas().typestore
         try:
             with AnyReader([self._path], default_typestore=known) as reader:
@@ -82,7 +82,7 @@ class _Bag:
 
 @contextmanager
 def _opened(bag: Path) -> Iterator[Reader]:
-    """A rosbags reader whose many kinds of trouble leave as one."""
+    """Return a rosbags reader whose many kinds of errors leave as one."""
     try:
         with Reader(bag) as reader:
             yield reader
@@ -90,12 +90,12 @@ def _opened(bag: Path) -> Iterator[Reader]:
         raise
     except Exception as error:  # damage may break decompression, parsing or SQL, each with errors of its own
         raise RecordingError(
-            f"{bag} is damaged or no ROS 2 bag: {one_line(error)}; `ldcs recover {bag}` may mend an MCAP bag"
+            f"{bag} is damaged or no ROS 2 bag: {one_line(error)}; `ldcs recover {bag}` may repair an MCAP bag"
         ) from error
 
 
 def _check_whole(bag: Path) -> None:
-    """Says what is wrong with a path before any reader trips over it."""
+    """Raise the error for a path that is no complete bag, before any reader opens it."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder, a .mcap file or a .db3 file")
     if bag.is_file():
@@ -115,7 +115,7 @@ def _check_whole(bag: Path) -> None:
 
 
 def _check_marks(file: Path, bag: Path) -> None:
-    """An MCAP file opens and closes with the same mark."""
+    """Check the mark at the beginning and at the end of an MCAP file."""
     try:
         with open(file, "rb") as stream:
             opening = stream.read(len(MAGIC))
@@ -131,7 +131,7 @@ def _check_marks(file: Path, bag: Path) -> None:
 
 
 def _custom_data(bag: Path) -> dict[str, str]:
-    """custom_data of a bag: from metadata.yaml, or from a lone MCAP file's own record."""
+    """Return custom_data of a bag: from metadata.yaml, or from the record of a single MCAP file."""
     try:
         if bag.is_dir():
             content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))

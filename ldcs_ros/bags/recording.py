@@ -45,7 +45,7 @@ class Source(Protocol):
     def decoder(self) -> Decoder: ...
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Messages of some topics (None = all) by log time; equal times keep the order of writing."""
+        """Return messages of some topics (None = all) by log time; equal times keep the order of writing."""
         ...
 
 
@@ -54,13 +54,13 @@ class Recording:
     """Channels of messages with their times.
 
     Attributes:
-        name: Path of the bag, or what an error message should call it.
+        name: Path of the bag, or its name in errors.
         topics: Topic name -> type and offered quality of service, also for topics without a message.
         counts: Topic name -> number of messages.
-        custom_data: Texts by name: scene, seed, version, whatever the recorder stored.
+        custom_data: Texts of the recorder by name: scene, seed, version and others.
         start: Earliest log time [ns]; 0 when nothing was recorded.
         end: Latest log time [ns]; 0 when nothing was recorded.
-        source: Where the messages come from.
+        source: Source of the messages.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Recording:
         return sum(self.counts.values())
 
     def in_order(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        """Every message of some topics (None = all) by log time; equal times keep the order of writing.
+        """Return every message of some topics (None = all) by log time; equal times keep the order of writing.
 
         Raises:
             RecordingError: A topic that the recording does not have; a file that is damaged on the way.
@@ -98,7 +98,7 @@ class Recording:
         return self.source.messages(topics)
 
     def load(self, topics: Collection[str]) -> None:
-        """Read several channels in one pass over the file, which costs as much as one of them alone.
+        """Read several channels in one pass over the file, at the cost of one of them.
 
         Raises:
             RecordingError: As `in_order`.
@@ -107,11 +107,11 @@ class Recording:
         for message in self.in_order(topics) if topics else ():
             found[message.topic].append(message)
         for topic, messages in found.items():
-            # Where a cached property keeps what it has found.
+            # The place in which a cached property keeps its value.
             self.channels[topic].__dict__["raw"] = tuple(messages)
 
     def decode(self, message: Message) -> Any:
-        """The message as an object with the fields of its type."""
+        """Return the message as an object with the fields of its type."""
         return _decode(self.source.decoder, message, self.name)
 
     @classmethod
@@ -123,7 +123,7 @@ class Recording:
         custom_data: Mapping[str, str] | None = None,
         decoder: Decoder | None = None,
     ) -> Recording:
-        """A recording held in memory, from messages in the order in which they were emitted."""
+        """Return a recording in memory, of messages in the order of their emission."""
         ordered = sorted(messages, key=lambda message: message.time)
         counts: dict[str, int] = {}
         topics: dict[str, TopicInfo] = {}

@@ -1,4 +1,4 @@
-"""recover: makes a sound bag of what a killed recorder, a full disk or a power cut left."""
+"""recover: repairs a bag left incomplete by a killed recorder, a full disk or a power cut."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ldcs_ros.errors import RecordingError, one_line
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What recover found and did.
+    """The findings and actions of `recover`.
 
     Attributes:
         path: The bag.
@@ -57,17 +57,17 @@ class RecoveryReport:
             return f"{self.path} is sound ({content}) and was left untouched"
         if not self.rewritten:
             return f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written"
-        return f"{self.path} was mended: {content} kept, {self.dropped} bytes dropped"
+        return f"{self.path} was repaired: {content} kept, {self.dropped} bytes dropped"
 
 
 def recover(
     path: str | os.PathLike[str], *, progress: Callable[[float], None] | None = None
 ) -> RecoveryReport:
-    """Mends an MCAP bag in place; a sound one is left untouched.
+    """Repair an MCAP bag in place; a sound one is left untouched.
 
-    Every record that is whole is kept, also those of a chunk that was cut. The new file is written beside
-    the old one and takes its name only when it is complete and on the disk, so that an interruption or a full
-    disk leaves the old one as it was. custom_data gains the entry `recovered`.
+    Every whole record is kept, also those of a cut chunk. The new file is written beside the old one and takes its
+    name only when it is complete and on the disk. So an interruption or a full disk leaves the old one unchanged.
+    custom_data gains the entry `recovered`.
 
     Args:
         path: Bag folder, or one .mcap file (then no metadata.yaml is written).
@@ -118,8 +118,8 @@ def recover(
         raise
     except OSError as error:
         raise RecordingError(
-            f"{bag} cannot be repaired: {one_line(error)}; it is as it was. "
-            "Mending needs to write there, and room for a second copy"
+            f"{bag} cannot be repaired: {one_line(error)}; it is unchanged. "
+            "The repair needs to write there, and room for a second copy"
         ) from error
     return RecoveryReport(
         bag,
@@ -133,7 +133,7 @@ def recover(
 
 @dataclass
 class _DoneFraction:
-    """Turns positions in files, each read up to twice, into the fraction of the work that is done."""
+    """A counter that converts positions in files, each read up to twice, to the fraction of the work that is done."""
 
     progress: Callable[[float], None] | None
     total: int
@@ -145,31 +145,31 @@ class _DoneFraction:
 
 
 def _replace(
-    file: Path, stream: IO[bytes], size: int, contents: Contents, tell: Callable[[int], None]
+    file: Path, stream: IO[bytes], size: int, contents: Contents, progress: Callable[[int], None]
 ) -> FileSummary:
     part = file.with_name(f".{file.name}.part")
     part.unlink(missing_ok=True)
-    summary = write_copy(stream, size, contents, part, file.name, tell)
+    summary = write_copy(stream, size, contents, part, file.name, progress)
     os.replace(part, file)
     sync_folder(file.parent)
     return summary
 
 
 def _mcap_files(bag: Path) -> list[Path]:
-    """The files of a bag, in the order in which they were recorded (..._9.mcap before ..._10.mcap)."""
+    """Return the files of a bag in the order of recording (..._9.mcap before ..._10.mcap)."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder or a .mcap file")
     files = [bag] if bag.is_file() else [file for file in bag.iterdir() if not file.name.startswith(".")]
     found = [file for file in files if file.suffix == ".mcap"]
     if not found:
         hint = "; use `ros2 bag reindex` for sqlite3" if any(file.suffix == ".db3" for file in files) else ""
-        raise RecordingError(f"{bag} has no .mcap file to mend{hint}")
+        raise RecordingError(f"{bag} has no .mcap file to repair{hint}")
     return sorted(found, key=lambda file: [int(part) for part in re.findall(r"\d+", file.name)])
 
 
 @contextmanager
 def _locked(file: Path) -> Iterator[IO[bytes]]:
-    """The file for reading, unless its recorder is still at work."""
+    """Return the file for reading, unless its recorder is still at work."""
     with open(file, "rb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -181,7 +181,7 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
 
 
 def _read_metadata(bag: Path) -> dict[str, Any]:
-    """What metadata.yaml says now; empty when it is missing or unreadable."""
+    """Return the content of metadata.yaml; empty when it is missing or unreadable."""
     try:
         content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -191,5 +191,5 @@ def _read_metadata(bag: Path) -> dict[str, Any]:
 
 
 def _agrees(metadata: dict[str, Any], information: dict[str, Any]) -> bool:
-    """Whether metadata.yaml names these files and as many messages; the rest may be a foreign way."""
+    """Return whether metadata.yaml names these files and as many messages; other recorders may differ in the rest."""
     return all(metadata.get(key) == information[key] for key in ("relative_file_paths", "message_count"))

@@ -1,4 +1,4 @@
-"""Reading an MCAP file from its start as far as it goes: what a kill or a bad disk left, record by record."""
+"""A reader of damaged MCAP files, record by record from the start as far as possible."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ _BROKEN_CHUNK = (
 
 @dataclass
 class Scan:
-    """Iterates over the records that say something; afterwards its counters tell how the file was.
+    """An iterator over the records with content; its counters then describe the damage.
 
     Args:
         stream: The file, at its start.
         size: Its length [bytes].
-        tell: Called with the position before each record outside chunks.
+        progress: Called with the position before each record outside chunks.
 
     Attributes:
         position: Bytes read so far.
@@ -59,22 +59,22 @@ class Scan:
 
     stream: IO[bytes]
     size: int
-    tell: Callable[[int], None] | None = None
+    progress: Callable[[int], None] | None = None
     position: int = 0
     dropped: int = 0
     finished: bool = False
 
     def __iter__(self) -> Iterator[McapRecord]:
-        """Header, schemas, channels, messages, attachments and metadata in file order; chunks are opened.
+        """Yield header, schemas, channels, messages, attachments and metadata in file order; chunks are opened.
 
-        Stops at the summary, or where the file is cut or makes no sense any more.
+        The iteration ends at the summary, at a cut, or at the first invalid record.
         """
         if self._read(len(MAGIC)) != MAGIC:
             self.dropped = self.size
             return
         while self.position < self.size:
-            if self.tell is not None:
-                self.tell(self.position)
+            if self.progress is not None:
+                self.progress(self.position)
             head = self._read(_HEAD.size)
             if len(head) < _HEAD.size:
                 self.dropped += len(head)
@@ -101,7 +101,7 @@ class Scan:
         return data
 
     def _finish(self) -> None:
-        """Behind the end of the data only indexes follow; all that matters is whether they are complete."""
+        """Check the end of the file: after the data only indexes follow, and only their completeness matters."""
         self.stream.seek(max(0, self.size - len(MAGIC)))
         self.finished = self.stream.read() == MAGIC
         self.position = self.size

@@ -56,7 +56,7 @@ class Schemas:
             self.register(definitions)
 
     def register(self, definitions: Mapping[str, str]) -> None:
-        """Adds types from their .msg text, so that schema, hash and code all follow from that one text.
+        """Add types from their .msg text, so that schema, hash and code all follow from that one text.
 
         Args:
             definitions: `package/msg/Name` -> text of the .msg file. Types may nest each other.
@@ -79,7 +79,7 @@ class Schemas:
         self._texts.update(definitions)
 
     def __getitem__(self, message_type: str) -> Schema:
-        """The schema of a type; RecordingError names the type that is missing."""
+        """Return the schema of a type; RecordingError names a missing type."""
         try:
             text, _ = self.typestore.generate_msgdef(message_type, ros_version=2)
             return Schema(
@@ -92,7 +92,7 @@ class Schemas:
             ) from error
 
     def _as_written(self, message_type: str, generated: str) -> str:
-        """The schema with each registered definition as its author wrote it: the comments say the units."""
+        """Return the schema with each registered definition as its author wrote it: comments give the units."""
         first, *nested = generated.split(_SEPARATOR)
         sections = [self._texts.get(message_type, first)]
         for section in nested:

@@ -1,4 +1,4 @@
-"""What a bag says of a topic before its first message: message type and quality of service."""
+"""A topic of a bag before its first message: message type and quality of service."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Qos:
                 )
 
     def as_dict(self) -> dict[str, Any]:
-        """The nine fields of bag version 9; no deadline, no lifespan, no liveliness lease."""
+        """Return the nine fields of bag version 9; no deadline, no lifespan, no liveliness lease."""
         return {
             "history": self.history,
             "depth": self.depth,
@@ -59,7 +59,7 @@ class Qos:
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic's message type (`package/msg/Name`) and what its publisher offers."""
+    """A topic's message type (`package/msg/Name`) and the quality of service that its publisher offers."""
 
     type: str
     qos: Qos = field(default_factory=Qos)

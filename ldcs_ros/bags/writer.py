@@ -1,4 +1,4 @@
-"""BagWriter: a run queues its messages and a thread of the writer's own puts them on the disk."""
+"""BagWriter: a run queues its messages, and a thread of the writer puts them on the disk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CLOSE_TIMEOUT = 30.0
 
 @dataclass
 class _Channel:
-    """A topic being recorded; the id is given by the writing thread when it declares the channel."""
+    """A recorded topic; the writing thread gives the id with the declaration of the channel."""
 
     topic: str
     info: TopicInfo
@@ -39,23 +39,23 @@ class _Channel:
 
 
 class BagWriter:
-    """Records messages into a new bag folder: MCAP that `ros2 bag` accepts, and metadata.yaml at the end.
+    """A recorder of messages into a new bag folder: MCAP that `ros2 bag` accepts, and metadata.yaml at the end.
 
-    What survives what:
+    A recording survives failures as follows:
 
     1. `write` only appends to a queue. It blocks, and loses nothing, while more than QUEUE_LIMIT bytes wait.
-    2. Every `flush_period` of wall time the thread ends the chunk and hands it to the operating system, which
-       keeps it when the process is killed: a kill loses at most that period and the time to write it.
-    3. Every SYNC_PERIOD, and at the end, the thread waits for the disk itself (fdatasync), so that a power
-       cut loses seconds, not the 30 s that Linux may hold back, and that network disks report their errors.
-       More often would wear the disk and gain little, since a machine fails far less often than a process.
+    2. Every `flush_period` of wall time the thread ends the chunk and hands it to the operating system. A kill loses
+       at most that period and the time to write it.
+    3. Every SYNC_PERIOD, and at the end, the thread waits for the disk itself (fdatasync). A power cut loses seconds,
+       not the 30 s that Linux may hold back, and network disks report their errors. More often would wear the disk
+       and gain little, since a machine fails far less often than a process.
     4. A disk that fills up or fails ends the recording, not the run: `error` then holds one line, later
        messages are counted in `lost` and what was flushed stays readable after `ldcs recover`.
     5. A folder or file that is removed, renamed, replaced or cut is noticed at the next flush. `error` says so, and
        the rest goes into `<folder>_rest1`, where that can be made.
-    6. metadata.yaml is written only by `close`. Before that the folder holds nothing that a reader could take
-       for a whole bag (an early card would say "0 messages"); custom_data and the offered quality of service
-       stand at the start of the MCAP file, so that a killed run still says what it was.
+    6. Only `close` writes metadata.yaml. Before that no reader takes the folder for a whole bag (early metadata would
+       say "0 messages"). The MCAP file begins with custom_data and the offered quality of service: the bag of a
+       killed run has them.
 
     Several threads may write. A writer that was not closed is closed when the interpreter exits.
 
@@ -68,7 +68,7 @@ class BagWriter:
 
     Raises:
         RecordingError: The folder exists, cannot be created or written, or a message type is unknown;
-            nothing is left behind.
+            nothing is left on the disk.
     """
 
     def __init__(
@@ -105,12 +105,12 @@ class BagWriter:
         atexit.register(self.close)
 
     def register(self, definitions: Mapping[str, str]) -> None:
-        """Adds message types: `package/msg/Name` -> .msg text, for topics that come up while recording."""
+        """Add message types: `package/msg/Name` -> .msg text, for topics that begin during the recording."""
         with self._condition:
             self._schemas.register(definitions)
 
     def write(self, topic: str, message_type: str, cdr: bytes | bytearray | memoryview, time_ns: int) -> None:
-        """Queues a message; trouble of the disk never raises here, look at `error`.
+        """Queue a message; failures of the disk never raise here, see `error`.
 
         Args:
             topic: Topic name; one that was not announced is recorded with default quality of service.
@@ -140,7 +140,7 @@ class BagWriter:
                 self._condition.notify_all()
 
     def close(self) -> None:
-        """Writes what waits, the summary and metadata.yaml; always ends, never raises, may be repeated."""
+        """Write the queue, the summary and metadata.yaml; it always ends, never raises and may be repeated."""
         with self._condition:
             self._closing = True
             self._condition.notify_all()
@@ -151,7 +151,7 @@ class BagWriter:
 
     @property
     def error(self) -> str | None:
-        """Why recording stopped, in one line; None while all is well."""
+        """The reason of a stop, in one line; None while all is well."""
         return self._error
 
     @property
@@ -294,7 +294,7 @@ class BagWriter:
                 self._error = (
                     f"recording to {self.folder} stopped at {self._last_time / 1e9:.3f} s: {one_line(error)}; "
                     f"at least {self._flushed} messages are kept: "
-                    f"mend the disk, then `ldcs recover {self.folder}`"
+                    f"repair the disk, then `ldcs recover {self.folder}`"
                 )
                 self._lost += self._accepted - self._flushed
             self._stopped = True

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.bag,
             changes=changes,
             mapping=mapping,
-            tell=lambda time, end: bar.show(time / end if end > 0.0 else 1.0),
+            progress=lambda time, end: bar.show(time / end if end > 0.0 else 1.0),
             stop=lambda: interruption.requested,
         )
     if arguments.json:

@@ -1,4 +1,4 @@
-"""The constant offset between two clocks, estimated from the motion that both saw."""
+"""The constant offset between two clocks, estimated from the motion in both recordings."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from ldcs_ros.signals.series import Series, resample_common
 
 # Two recordings must overlap in at least this fraction of the shorter one.
 LEAST_OVERLAP = 0.5
-# Of the motion's variance, what may remain unexplained when the offset is believed.
+# Largest unexplained fraction of the motion's variance at which the offset is believed.
 BELIEVED = 0.5
 COARSE_STEPS = 400
 FINE_STEPS = 20
-# Times of a channel that are looked at for each offset tried.
+# Times of a channel that each offset is tried at.
 MOST_TIMES = 1000
-# Motion below this says nothing about time.
+# Motion below this carries no information about time.
 STILL = {"m": 2e-4, "Pa": 1e3, "rad": 5e-3}
 
 
 @dataclass(frozen=True)
 class Offset:
-    """How two clocks stand.
+    """The offset of two clocks.
 
     Attributes:
-        value: What B's clock is ahead of A's, as it is used [s].
-        estimate: What the motion says [s]; None if it says nothing.
+        value: Lead of B's clock over A's, as used [s].
+        estimate: Estimate from the motion [s]; None without enough motion.
         uncertainty: Standard deviation of the estimate, for differences without memory [s].
-        unexplained: Part of the motion's variance that remains at the estimate, 0 ... 1.
+        unexplained: Fraction of the motion's variance that remains at the estimate, 0 ... 1.
         channels: Channels that it rests on.
-        reason: Why this value is used, in words.
+        reason: Reason of this value, in words.
     """
 
     value: float
@@ -48,9 +48,9 @@ Pair = tuple[Series, Series]
 def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     """Return the offset at which two recordings agree best; a constant difference of a channel does not count.
 
-    First over all offsets that leave enough in common, the variance of the differences over that of the values;
-    then around the best one the same with each component's size fitted, since a model that moves too far is
-    not a clock that is wrong.
+    The criterion is the variance of the differences over that of the values. A coarse search covers all offsets that
+    leave enough in common. A fine search around the best one also fits the size of each component, because a motion
+    that is too large is no error of a clock.
     """
     moving = _informative(pairs)
     if not moving:
@@ -90,7 +90,7 @@ def _best(scaled: list[tuple[Pair, float]], offsets: np.ndarray, *, with_gain: b
 
 
 def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, with_gain: bool) -> float:
-    """Return the part of the variance that remains: 0 for the same motion, about 1 for nothing in common.
+    """Return the fraction of the variance that remains: 0 for the same motion, about 1 for nothing in common.
 
     Args:
         scaled: Pairs, each with its variance, so that all channels count alike.
@@ -110,7 +110,7 @@ def _unexplained(scaled: list[tuple[Pair, float]], offset: float, *, with_gain: 
             apart = both * (1.0 - np.where(squares > 0.0, product**2 / np.maximum(squares, 1e-300), 0.0))
         left += float(apart.sum()) / scale
         total += float(both.sum()) / scale
-    # Where neither moves, two records agree at any offset.
+    # Two records without motion agree at any offset.
     return left / total if total > 0.05 * len(scaled) else 1.0
 
 

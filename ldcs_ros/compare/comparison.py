@@ -24,15 +24,15 @@ SURFACE = "surface"
 
 @dataclass(frozen=True)
 class Options:
-    """How to compare.
+    """The settings of a comparison.
 
     Attributes:
-        mappings: What the topics of A and of B mean; None for a twin's bag, or to guess.
-        offset: What B's clock is ahead of A's [s]; None to estimate it unless both are simulation time.
+        mappings: Meaning of the topics of A and of B; None for a twin's bag, or to guess.
+        offset: Lead of B's clock over A's [s]; None to estimate it unless both are simulation time.
         estimate: Use the estimate even if both are simulation time.
-        measured: Take what a twin's tracker reports, not the truth.
-        relative: Compare what changed since the first common time.
-        side_length: Length of the sheet [m]; None for what the scenes say.
+        measured: Take the reports of a twin's tracker, not the truth.
+        relative: Compare the changes since the first common time.
+        side_length: Length of the sheet [m]; None for that of the scenes.
         tolerances: Limits; empty for none.
     """
 
@@ -47,17 +47,17 @@ class Options:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came out.
+    """The result of a comparison.
 
     Attributes:
         a, b: The two sides.
-        offset: How their clocks stand.
+        offset: Offset of their clocks.
         channels: Differences by channel.
         surface: Difference of all nodes; None unless both recorded them.
         side_length: Length of the sheet [m]; None if unknown.
-        relative: What is compared is what changed since the first common time.
+        relative: The changes since the first common time are compared.
         only: Channels that only one side has, in words.
-        checks: Limits and what came out.
+        checks: Limits with the values found.
     """
 
     a: Signals
@@ -77,7 +77,7 @@ class Comparison:
 
 
 def compare(recording_a: Recording, recording_b: Recording, options: Options) -> Comparison:
-    """Return how two recordings differ, A - B.
+    """Return the difference of two recordings, A - B.
 
     Raises:
         RecordingError: They have nothing in common.

@@ -12,7 +12,7 @@ from ldcs_ros.signals.signals import surface_values
 from ldcs_ros.signals.tracks import SurfaceTrack
 
 # The end of a run, over which the final difference is averaged.
-END_SHARE = 0.05
+END_FRACTION = 0.05
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class ChannelDifference:
 
     Attributes:
         name: The channel.
-        unit: Unit of the figures.
+        unit: Unit of the statistics.
         time: Times that were compared, on A's clock [s], shape (n,).
         a, b: Values there, shape (n, k).
-        statistics: Component name -> figures; 'distance' for the length of a difference in space.
+        statistics: Component name -> statistics; 'distance' for the length of a difference in space.
         skipped: Times left out because the other side was silent there.
     """
 
@@ -59,21 +59,21 @@ class ChannelDifference:
 
     @property
     def overall(self) -> ErrorStatistics:
-        """The figures of the whole: of the distance, or of the only component."""
+        """The statistics of the whole: of the distance, or of the only component."""
         return self.statistics.get("distance") or next(iter(self.statistics.values()))
 
 
 def channel_difference(
     name: str, a: Series, b: Series, offset: float, *, side_length: float | None, relative: bool
 ) -> ChannelDifference | None:
-    """Return the difference of a channel; None if the two never have something to say at one time.
+    """Return the difference of a channel; None if the two have no time in common.
 
     Args:
         name: The channel.
         a, b: The two sides.
-        offset: What B's clock is ahead of A's [s].
+        offset: Lead of B's clock over A's [s].
         side_length: Length of the sheet [m].
-        relative: Compare what changed since the first common time, not the values themselves.
+        relative: Compare the changes since the first common time, not the values themselves.
     """
     time, ours, theirs, skipped = resample_common(a, b, offset)
     if not len(time):
@@ -89,10 +89,10 @@ def channel_difference(
 
 
 def statistics(difference: np.ndarray, time: np.ndarray, side_length: float | None) -> ErrorStatistics:
-    """Return the figures of a difference over time, shape (n,)."""
+    """Return the statistics of a difference over time, shape (n,)."""
     amount = np.abs(difference)
     rms = float(np.sqrt(np.mean(difference**2)))
-    ending = time >= time[-1] - END_SHARE * (time[-1] - time[0])
+    ending = time >= time[-1] - END_FRACTION * (time[-1] - time[0])
     return ErrorStatistics(
         rms=rms,
         p95=float(np.percentile(amount, 95)),
@@ -104,7 +104,7 @@ def statistics(difference: np.ndarray, time: np.ndarray, side_length: float | No
 
 
 def _beginning(time: np.ndarray, value: np.ndarray) -> np.ndarray:
-    # A few values, so that the noise of a single one does not shift the whole.
+    # The mean of a few values, so that the noise of one does not shift the whole.
     first = time <= time[0] + min(0.1, 0.02 * (time[-1] - time[0]))
     beginning: np.ndarray = value[first].mean(axis=0)
     return beginning
@@ -116,13 +116,13 @@ MOST_MOMENTS = 1000
 
 @dataclass(frozen=True)
 class FieldDifference:
-    """The distance of every node from where the other side has it.
+    """The distance of every node between two recordings.
 
     Attributes:
         time: Moments, on A's clock [s], shape (n,).
         distance: Distances [m], shape (n, 2, nx, ny).
         place: A's node positions at the worst moment [m], shape (2, nx, ny, 3).
-        statistics: Figures of all nodes at all moments; `end` is the RMS at the last moment.
+        statistics: Statistics of all nodes at all moments; `end` is the RMS at the last moment.
         worst: Index of the moment with the largest distance.
         nodes: Nodes along x and y that were compared.
     """
@@ -152,8 +152,8 @@ def field_difference(
 ) -> FieldDifference | None:
     """Return the difference of two surfaces; None if they have no time in common.
 
-    Two lattices of different size are compared at the nodes of the coarser one, the finer one interpolated in
-    the sheet; between moments, a cubic spline in time.
+    Lattices of different size are compared at the nodes of the coarser one; the finer one is interpolated in the
+    sheet. Between moments a cubic spline interpolates in time.
     """
     ours, theirs = surface_values(a), surface_values(b)
     nodes = (min(a.nodes[0], b.nodes[0]), min(a.nodes[1], b.nodes[1]))
@@ -180,7 +180,7 @@ def field_difference(
 
 
 def _on_nodes(value: np.ndarray, nodes: tuple[int, int]) -> np.ndarray:
-    """Return positions at a coarser grid of nodes, linear between those that there are."""
+    """Return positions at a coarser grid of nodes, linear between the given ones."""
     for axis, count in ((2, nodes[0]), (3, nodes[1])):
         if value.shape[axis] != count:
             where = np.linspace(0.0, value.shape[axis] - 1.0, count)

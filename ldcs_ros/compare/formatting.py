@@ -1,4 +1,4 @@
-"""Numbers of a comparison as people read them: millimetres, kilopascals, degrees."""
+"""Numbers of a comparison in handy units: millimetres, kilopascals, degrees."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ def unit(si: str) -> str:
 
 
 def scale(largest: float, si: str) -> tuple[str, float]:
-    """Return unit and factor in which differences of up to an amount in SI are read best."""
+    """Return the handiest unit and factor for differences of up to an amount in SI."""
     shown = SHOWN[si]
     return FINE[si] if si in FINE and shown[1] * largest < 0.02 else shown
 
 
 def number(value: float | None, si: str = "") -> str:
-    """Return a value in SI as text in the unit shown, with three figures that count."""
+    """Return a value in SI as text in the unit shown, with three significant digits."""
     if value is None or not math.isfinite(value):
         return "-"
     return three_digits(SHOWN[si][1] * value)
 
 
 def three_digits(shown: float) -> str:
-    """Return a number as it is shown, with three figures that count."""
+    """Return a number in the unit shown, as text with three significant digits."""
     if abs(shown) < NOTHING:
         return "0"
     if abs(shown) < 1e-3 or abs(shown) >= 1e5:

@@ -16,7 +16,7 @@ REPORT = "compare.md"
 
 
 def offset_lines(comparison: Comparison) -> list[str]:
-    """Return what is known about the two clocks, in sentences."""
+    """Return the findings about the two clocks, in sentences."""
     offset, b = comparison.offset, comparison.b.name
     lines = [f"Clock offset used: {milliseconds(offset.value)} ({offset.reason})."]
     if offset.estimate is not None:
@@ -53,7 +53,7 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
     lines = [f"# {a.name} against {b.name}", ""]
     lines += [f"Differences are {a.name} minus {b.name}.", ""]
     if comparison.relative:
-        lines += ["What is compared is what changed since the first common time.", ""]
+        lines += ["The changes since the first common time are compared.", ""]
     if comparison.checks:
         failed = sum(not one.passed for one in comparison.checks)
         total = len(comparison.checks)

@@ -1,7 +1,7 @@
 """The tolerance file: limits by channel, and whether a comparison keeps them.
 
 P1: {max: 1.0e-3, rms: 5.0e-4}         # m, of the distance; figures: rms, p95, max, mean, end, normalised_rms
-P*.z: {end: 2.0e-4}                    # one axis; * and ? stand for any letters
+P*.z: {end: 2.0e-4}                    # one axis; * and ? match any letters
 surface: {max: 2.0e-5}                 # all nodes
 "*/pressure": {rms: 500.0}             # Pa
 """
@@ -32,13 +32,13 @@ _CHECKS = Checks(ToleranceError)
 
 @dataclass(frozen=True)
 class Check:
-    """One limit and what came out.
+    """One limit with the value found.
 
     Attributes:
         channel: Channel, with its axis after a dot if one is meant.
-        figure: Which figure of it.
-        value: What it is, in SI.
-        limit: What it may be, in SI.
+        figure: Name of the statistic.
+        value: Value found, in SI.
+        limit: Largest allowed magnitude, in SI.
         unit: Unit of both, '' for a ratio.
     """
 
@@ -50,7 +50,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """The amount keeps the limit; what is no number does not."""
+        """The magnitude keeps the limit; NaN does not."""
         return abs(self.value) <= self.limit
 
 
@@ -80,11 +80,11 @@ def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
 
 
 def check(tolerances: Tolerances, compared: Iterable[tuple[str, ErrorStatistics, str]]) -> list[Check]:
-    """Return every limit with what came out.
+    """Return every limit with the value found.
 
     Args:
         tolerances: The limits.
-        compared: Channels that were compared, `P1` and `P1.x` alike: name, figures, unit.
+        compared: Channels that were compared, `P1` and `P1.x` alike: name, statistics, unit.
 
     Raises:
         ToleranceError: A pattern fits no channel, so that nothing would be checked.

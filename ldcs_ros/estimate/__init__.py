@@ -1,4 +1,4 @@
 """The whole surface from two measured points: a Kalman filter on a few modes of the sheet, with consistent covariance.
 
-scene -> basis (shapes at rest for pressures, loads, stiffnesses) -> ReducedModel -> SurfaceFilter -> Estimate
+scene -> basis (equilibria for pressures, loads, stiffnesses) -> ReducedModel -> SurfaceFilter -> Estimate
 """

@@ -1,4 +1,4 @@
-"""The shapes that a scene's sheet takes: rest states over pressures, loads and stiffnesses; their main directions."""
+"""The modes of a scene's sheet: main directions of its equilibria over pressures, loads and stiffnesses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def equilibria(scene: Scene, point: str) -> np.ndarray:
         point: Point that carries the loads.
 
     Raises:
-        DivergenceError: Hardly any rest state was found.
+        DivergenceError: Hardly any equilibrium was found.
     """
     found = []
     limit = float(scene.effect("arms").pressure_limit)
@@ -44,7 +44,7 @@ def equilibria(scene: Scene, point: str) -> np.ndarray:
             found.append(np.concatenate([state.position.ravel(), state.link_angle.ravel()]))
     if len(found) < len(PRESSURES):
         raise DivergenceError(
-            "the scene comes to rest under hardly any load: there are no shapes to estimate with"
+            "the scene comes to rest under hardly any load: there are no modes to estimate with"
         )
     return np.array(found)
 

@@ -1,4 +1,4 @@
-"""`BasisProcess`: the search for a scene's main directions in a process of its own, beside a loop that goes on."""
+"""`BasisProcess`: the search for a scene's main directions in a process of its own, beside a running loop."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class BasisProcess:
         self._answer.seek(0)
         if status != 0:
             words = self._answer.read().decode("utf-8", "replace").strip()
-            raise DivergenceError(words or f"the search for the shapes ended with status {status}")
+            raise DivergenceError(words or f"the search for the modes ended with status {status}")
         mean, directions = pickle.load(self._answer)
         return mean, directions
 

@@ -14,10 +14,10 @@ from ldcs_ros.estimate.reduced import NOMINAL, PARAMETERS, ReducedModel
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.threads import one_thread
 
-SHAPES = 24
+MODES = 24
 LONGEST_STEP = 0.0125
 _SAME_MOMENT = 0.004
-_SHAPE, _RATE = 2e-4, 1e-3  # m, m/s: what no parameter explains at the start
+_SHAPE, _RATE = 2e-4, 1e-3  # m, m/s: deviations that no parameter explains at the start
 _OUTLIER = 30.0
 _MOST_OUTLIERS = 8
 _PATIENCE = 0.05
@@ -28,7 +28,7 @@ _HIGHEST = np.array([3.0, 3.0, 3.0])
 
 @dataclass(frozen=True)
 class Noise:
-    """How wrong the filter takes things to be.
+    """The standard deviations that the filter assumes.
 
     Attributes:
         position: Standard deviation of a measured position, each axis [m].
@@ -36,9 +36,9 @@ class Noise:
         load: Standard deviation of the unknown load at the start [N].
         stiffness: Standard deviation of the springs' factor at the start.
         drift: Growth of each parameter's deviation per second, as a fraction of that at the start.
-        motion: Standard deviation of unmodelled motion in a second at rest [m/s per root s].
-        motion_gain: The same, added for each m/s that the points move.
-        pressure_sigma: Standard deviation, at the start, of the pressure at which the sheet would rest as it is [Pa].
+        motion: Standard deviation of unmodelled motion at zero velocity [m per root s].
+        motion_gain: The same, added for each m/s of the points' speed.
+        pressure_sigma: Standard deviation, at the start, of the pressure whose equilibrium the present shape is [Pa].
         pressure_rate_sigma: Standard deviation, at the start, of that pressure's rate [Pa/s].
     """
 
@@ -55,10 +55,10 @@ class Noise:
 
 @dataclass(frozen=True)
 class SurfaceEstimate:
-    """What the filter believes at an instant.
+    """The estimate of the filter at an instant.
 
     Attributes:
-        time: When [s].
+        time: Its time [s].
         position: Node positions in ldcs_base [m], shape (n_nodes, 3).
         velocity: Node velocities [m/s], shape (n_nodes, 3).
         parameters: gain, load [N], stiffness, by name.
@@ -75,11 +75,11 @@ class SurfaceEstimate:
 
 
 class SurfaceFilter:
-    """Corrects the whole surface by measured positions of a few points.
+    """A filter that corrects the whole surface by measured positions of a few points.
 
-    The state is x = (a, a', theta). It stands at the time of the last measurement, which may be late; `at`
-    looks ahead to the present. Prediction integrates the projected nonlinear forces; the covariance follows
-    the linearised flow. Pressures are those measured (or called for); between two of them the course is straight.
+    The state is x = (a, a', theta) at the time of the last measurement, which may be late; `at` predicts to the
+    present. Prediction integrates the projected nonlinear forces; the covariance follows the linearised flow.
+    Pressures are measured (or commanded) ones, linear between two times.
 
     Chosen by measurement on the scene `rig` against a truth with springs 20 % stiffer, a gain 30 % smaller and
     20 g more at the free edge, under slow waves of pressure, tracker at 80 Hz with 0.1 mm noise and 20 ms delay.
@@ -87,24 +87,24 @@ class SurfaceFilter:
     time a measurement on one core:
 
         open-loop twin                            9.0 mm
-        filter on the state alone, 24 shapes      6.5 mm    NIS 0.70   1.6 ms
-        with parameters, 12 shapes                0.61 mm   NIS 1.08   1.2 ms
-        with parameters, 16 shapes                0.18 mm   NIS 1.05   1.4 ms
-        with parameters, 24 shapes (this)         0.13 mm   NIS 1.02   1.6 ms
-        with parameters, 32 shapes                0.08 mm   NIS 1.02   2.0 ms
-        an ensemble of full twins                 not built: each takes 0.25 s a second under 100 commands a second
+        filter on the state alone, 24 modes       6.5 mm    NIS 0.70   1.6 ms
+        with parameters, 12 modes                 0.61 mm   NIS 1.08   1.2 ms
+        with parameters, 16 modes                 0.18 mm   NIS 1.05   1.4 ms
+        with parameters, 24 modes (this)          0.13 mm   NIS 1.02   1.6 ms
+        with parameters, 32 modes                 0.08 mm   NIS 1.02   2.0 ms
+        an ensemble of full twins                 not built: each takes 0.25 s per second under 100 commands per second
 
-    A shape that is missing acts like a lock on the stiff couplings of the arms: that is why 12 are worse than
-    their fraction of the sheet's motion says. A measurement far outside of what the filter holds possible is left
-    out, unless several follow each other.
+    A missing mode acts like a lock on the stiff couplings of the arms. So 12 modes are worse than their fraction of
+    the sheet's motion suggests. A measurement far outside of the predicted covariance is left out, unless several
+    follow each other.
 
     Args:
         scene: The twin's scene; its arms are driven by pressure.
         points: Measured points.
         loaded: Point that carries the unknown load; the last measured one if None.
-        noise: How wrong things are taken to be.
-        modes: Number of shapes.
-        basis: Mean shape and main directions of the sheet; None to search for them, which takes seconds.
+        noise: Assumed standard deviations.
+        modes: Number of modes.
+        basis: Mean shape and main directions of the sheet; None to compute them, which takes seconds.
         start: Time of the start [s], at rest without pressure.
 
     Attributes:
@@ -121,7 +121,7 @@ class SurfaceFilter:
         *,
         loaded: str | None = None,
         noise: Noise | None = None,
-        modes: int = SHAPES,
+        modes: int = MODES,
         basis: tuple[np.ndarray, np.ndarray] | None = None,
         start: float = 0.0,
     ) -> None:
@@ -153,10 +153,10 @@ class SurfaceFilter:
             self._pressures.append((time, np.asarray(gauge, dtype=float)))
 
     def correct(self, time: float, measured: Mapping[str, np.ndarray]) -> float | None:
-        """Go on to the time of measurements [s] and take them in.
+        """Predict to the time of measurements [s] and correct the state by them.
 
         Args:
-            time: When they were measured; what is older than the state is ignored.
+            time: Time of the measurements; those older than the state are ignored.
             measured: Position in ldcs_base [m] by point.
 
         Returns:
@@ -195,19 +195,19 @@ class SurfaceFilter:
             kept = np.eye(size) - gain @ matrix
             self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T
         self.innovations.append((squared, len(innovation)))
-        # Covariance matching: unmodelled motion is as large as the innovations say (Mehra 1972).
+        # Covariance matching: the innovations give the size of unmodelled motion (Mehra 1972).
         surprise = min(squared / len(innovation), 10.0) - 1.0
         self._scale = float(np.clip(self._scale * np.exp(_PATIENCE * surprise), *_SCALES))
         return squared
 
     def restart(self, time: float) -> None:
-        """Forget all but the reduced model and the pressures; begin at a time [s], at rest."""
+        """Reset all but the reduced model and the pressures; begin at a time [s], at zero velocity."""
         self.restarts += 1
         self.innovations.clear()
         self._begin(time)
 
     def at(self, time: float) -> SurfaceEstimate:
-        """Return the estimate at a time [s], not before that of the state; the state stays where it is."""
+        """Return the estimate at a time [s], not before that of the state; the state is unchanged."""
         with one_thread():
             a, v = self._flow(self._a, self._v, self.time, max(time, self.time))
         n = self._reduced.n
@@ -225,14 +225,14 @@ class SurfaceFilter:
         )
 
     def _begin(self, time: float) -> None:
-        """At rest under the present pressures, as far as anybody knows."""
+        """Begin at the equilibrium of the present pressures, the best guess without measurements."""
         self.time = time
         self._theta = NOMINAL.copy()
         self._scale = 1.0
         self._outliers_in_a_row.clear()
         pressure = self._pressure_at(time)
         with one_thread():
-            self._a = self._reduced.rest(pressure, self._theta)
+            self._a = self._reduced.equilibrium(pressure, self._theta)
             self._v = np.zeros(self._reduced.n)
             self._slopes = self._reduced.slopes(self._a, self._v, pressure, self._theta)
             self._covariance = self._first_covariance()
@@ -244,7 +244,7 @@ class SurfaceFilter:
         self.outliers += 1
         self._outliers_in_a_row[points] += 1
         if self._outliers_in_a_row[points] > _MOST_OUTLIERS:
-            # Not the measurements are wrong, the estimate is.
+            # A row of outliers means that the estimate is wrong, not the measurements.
             self.restarts += 1
             self._begin(time)
         return True
@@ -298,7 +298,7 @@ class SurfaceFilter:
         return np.diag(variance)
 
     def _first_covariance(self) -> np.ndarray:
-        """What is unknown of the shape follows from what is unknown of parameters, and of how far it lags behind."""
+        """Return the covariance of the start: of the parameters, of the shape under them, and of its lag."""
         n, noise, nodes = self._reduced.n, self.noise, self._reduced.model.lattice.n_nodes
         by_a, _, by_theta = self._slopes
         shift = np.vstack([-np.linalg.solve(by_a, by_theta), np.zeros((n, 3)), np.eye(3)])
@@ -312,7 +312,7 @@ class SurfaceFilter:
         return np.array(covariance)
 
     def _pressure_at(self, time: float) -> np.ndarray:
-        # Newest first: what is asked for is recent.
+        # Newest first: most times are recent.
         after: tuple[float, np.ndarray] | None = None
         for then, value in reversed(self._pressures):
             if then <= time:

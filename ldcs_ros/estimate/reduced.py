@@ -1,4 +1,4 @@
-"""ReducedModel: the sheet's own forces, projected on a few of its shapes; small enough for a filter in real time."""
+"""ReducedModel: the sheet's own forces, projected on a few modes; small enough for a filter in real time."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Slopes = tuple[np.ndarray, np.ndarray, np.ndarray]
 class ReducedModel:
     """M(theta) a'' = B f(q, q', pressure, theta) with q = mean + B^T a: a Galerkin projection of a scene's model.
 
-    The forces are those of the full model, evaluated on all nodes, so rest states and large motions are
-    right up to what the shapes cannot show. What is small is the matrix to solve and the filter's covariance.
+    The forces are those of the full model, evaluated on all nodes. So equilibria and large motions are right up to
+    the part that the modes omit. Only the matrix to solve and the filter's covariance are small.
 
     Args:
         scene: A scene whose arms are driven by pressure.
         point: Point that carries the unknown load.
-        modes: Number of shapes.
-        basis: Mean shape and main directions, as `main_directions` returns them; None to search for them.
+        modes: Number of modes.
+        basis: Mean shape and main directions, as `main_directions` returns them; None to compute them.
 
     Attributes:
-        n: Number of shapes.
+        n: Number of modes.
         model: The full model.
         drive: Reduced force for one pascal in each arm [N/Pa], shape (n, n_arms).
     """
@@ -56,7 +56,7 @@ class ReducedModel:
         free = self.model.free
         self._mean = mean
         self._directions = directions
-        # Directions are orthonormal in all coordinates; the prescribed ones do not move.
+        # Directions are orthonormal in all coordinates; prescribed ones do not move.
         self._basis = np.ascontiguousarray(directions[:, free])
         self._still = np.zeros(len(mean))
         self._lay_out()
@@ -139,8 +139,8 @@ class ReducedModel:
         k2_a, k2_v = stage(a + h * k1_a, v + h * k1_v, 2.0 * k1_a, 2.0 * k1_v)
         return a + h * (1.5 * k1_a + 0.5 * k2_a), v + h * (1.5 * k1_v + 0.5 * k2_v)
 
-    def rest(self, pressure: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return reduced coordinates at rest under gauge pressures [Pa] and parameters, shape (n,)."""
+    def equilibrium(self, pressure: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return reduced coordinates of the equilibrium under gauge pressures [Pa] and parameters, shape (n,)."""
         a, v = np.zeros(self.n), np.zeros(self.n)
         for _ in range(60):
             by_a, _, _ = self.slopes(a, v, pressure, theta)
@@ -158,7 +158,7 @@ class ReducedModel:
         return np.array(self._basis @ force[self.model.free])
 
     def _project(self, values: np.ndarray) -> np.ndarray:
-        """Return B J B^T, shape (n, n), of Jacobian values at the model's entries."""
+        """Return B J B^T, shape (n, n), of Jacobian values at the model's `jacobian_pattern`."""
         data = np.bincount(self._slot, values[self._used], minlength=len(self._columns))
         size = len(self.model.free)
         matrix = csr_array((data, self._columns, self._row_starts), shape=(size, size))

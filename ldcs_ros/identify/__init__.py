@@ -2,5 +2,5 @@
 
 bags -> experiments.py (commands and poses) -> prediction.py (a scene's answer to the same commands)
      -> fitting.py (bounded least squares, several starts, differences in worker processes)
-     -> judgement.py (confidence, misfit, held-out score) -> scene_file.py (a scene that says what was fitted to what)
+     -> diagnostics.py (confidence, misfit, held-out score) -> scene_file.py (a scene whose header reports the fit)
 """

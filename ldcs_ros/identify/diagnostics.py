@@ -1,4 +1,4 @@
-"""How good a fit is: confidence intervals, misfit of the structure, score on bags that were held out."""
+"""The quality of a fit: confidence intervals, misfit of the structure, score on held-out bags."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ldcs_ros.identify.parameters import FitParameter
 ALARM = 5.0
 CUT_OFF = 37.0  # standard deviations; beyond, a probability is too small for a float
 NINETY_FIVE = 1.959963984540054  # standard deviations of a normal distribution
-UNDETERMINED = 0.25  # of the bounds: a wider standard deviation means that the data do not determine it
+UNDETERMINED = 0.25  # of the bounds: the data do not determine a parameter with a wider standard deviation
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class ParameterEstimate:
     """A fitted number.
 
     Attributes:
-        parameter: Which.
+        parameter: The parameter.
         value: Best value, SI.
-        low, high: 95 % confidence interval; from the Jacobian, scaled up where the structure does not fit.
-        at_bound: The value lies on a bound; its interval then says nothing.
-        undetermined: The data hardly tell it.
+        low, high: 95 % confidence interval; from the Jacobian, scaled up if the structure does not fit.
+        at_bound: The value lies on a bound; its interval is then meaningless.
+        undetermined: The data hardly determine it.
     """
 
     parameter: FitParameter
@@ -41,17 +41,17 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class Score:
-    """How far the model is from the measurements of some bags, in standard deviations of the noise.
+    """The distance of the model from the measurements of some bags, in standard deviations of the noise.
 
     Attributes:
         name: Name of the bag, or 'all'.
         count: Measured coordinates.
         reduced_chi_square: Mean of the squares; 1 if only noise is left.
         correlation: Correlation of neighbours in time; 0 if only noise is left.
-        ljung_box_z: Ljung and Box's test over a quarter of a second, as standard deviations of a normal distribution.
-        within_three: Share of coordinates within three standard deviations; 0.9973 if only noise is left.
+        ljung_box_z: Ljung and Box's test over 0.25 s, as standard deviations of a normal distribution.
+        within_three: Fraction of coordinates within three standard deviations; 0.9973 if only noise is left.
         largest: Largest distance of a coordinate [standard deviations].
-        largest_mean: Largest mean over a quarter of a second, where noise averages out [standard deviations].
+        largest_mean: Largest mean over 0.25 s, in which noise averages out [standard deviations].
     """
 
     name: str
@@ -66,12 +66,12 @@ class Score:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Whether something is left that the model's structure cannot say.
+    """The test for residuals that the model's structure cannot explain.
 
     Attributes:
         found: True if it does not fit.
         excess: (Reduced chi-square - 1) in its own standard deviations.
-        ljung_box_z: How clearly residuals last from one sample to the next ones, in standard deviations.
+        ljung_box_z: Ljung and Box's test for residuals that persist between samples, in standard deviations.
         words: The finding, in words.
     """
 
@@ -87,8 +87,8 @@ def estimates(
     """Return value and 95 % interval of each parameter, from the Fisher information J^T J of the residuals.
 
     Args:
-        parameters: What was fitted.
-        minimum: Where.
+        parameters: The fitted parameters.
+        minimum: The minimum.
         inflation: Factor on standard deviations: 1 for a sound structure, else sqrt of the reduced chi-square.
     """
     deviation = inflation * np.sqrt(np.diag(covariance(minimum)))
@@ -150,7 +150,7 @@ def score(experiments: Sequence[Experiment], residual: np.ndarray, *, name: str 
 
 
 def _correlations(tracks: Sequence[np.ndarray], lags: int, square: float) -> tuple[np.ndarray, np.ndarray]:
-    # Correlation at each lag over all coordinates of all bags, and how many pairs it is made of.
+    # Correlation at each lag over all coordinates of all bags, and the number of its pairs.
     found, pairs = np.zeros(lags), np.zeros(lags)
     for lag in range(1, lags + 1):
         products = np.concatenate([(track[lag:] * track[:-lag]).ravel() for track in tracks])
@@ -161,7 +161,7 @@ def _correlations(tracks: Sequence[np.ndarray], lags: int, square: float) -> tup
 
 
 def _normal(statistic: float, freedom: int) -> float:
-    # The chi-square variable as a normal one of the same rarity; what underflows is cut off.
+    # The chi-square variable as a normal one of the same rarity; underflows are cut off.
     return float(np.clip(norm.isf(chi2.sf(statistic, freedom)), -CUT_OFF, CUT_OFF))
 
 
@@ -175,9 +175,9 @@ def scores(experiments: Sequence[Experiment], residual: np.ndarray) -> list[Scor
 
 
 def misfit(whole: Score, n_parameters: int) -> Misfit:
-    """Return whether residuals hold more than noise: too large (chi-square), or lasting (correlation).
+    """Return whether residuals hold more than noise: too large (chi-square), or persistent (correlation).
 
-    A structure that cannot say what happened leaves residuals that last, and these show long before chi-square does.
+    A structure that cannot explain the data leaves persistent residuals, which show long before chi-square does.
     """
     freedom = max(whole.count - n_parameters, 1)
     excess = (whole.reduced_chi_square * whole.count / freedom - 1.0) / np.sqrt(2.0 / freedom)
@@ -192,7 +192,7 @@ def misfit(whole: Score, n_parameters: int) -> Misfit:
     if not reasons:
         return Misfit(False, float(excess), whole.ljung_box_z, "only noise is left")
     words = (
-        f"{' and '.join(reasons)}: with these parameters the scene's structure cannot say what was recorded; "
+        f"{' and '.join(reasons)}: with these parameters the scene's structure cannot explain the recording; "
         "look at spring law, effects and points, or fit more numbers"
     )
     return Misfit(True, float(excess), whole.ljung_box_z, words)

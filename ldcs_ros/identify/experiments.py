@@ -1,4 +1,4 @@
-"""Experiment: what a bag says for identification - commands with their times, tracker positions, their noise."""
+"""Experiment: the data of a bag for identification - commands with their times, tracker positions, their noise."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Experiment:
         time: Times of the measurements [s], shape (n,), rising.
         position: Measured positions in ldcs_base [m], shape (n, n_points, 3); NaN where a point was not measured.
         noise: Standard deviation of one coordinate [m].
-        noise_origin: Where the noise figure comes from, in words.
-        warnings: What was odd in the bag, in words.
+        noise_origin: Source of the noise figure, in words.
+        warnings: Irregularities of the bag, in words.
     """
 
     name: str
@@ -68,12 +68,12 @@ class Experiment:
 def read_experiment(
     bag: str | os.PathLike[str], scene: Scene, *, mapping: Mapping | None = None, noise: float | None = None
 ) -> Experiment:
-    """Return what a bag says.
+    """Return the experiment of a bag.
 
     Args:
         bag: A bag of a twin or of a rig.
-        scene: The scene that is to be fitted; its points name what is compared.
-        mapping: What the topics of a rig's bag mean; None to go by names and types.
+        scene: The scene that is to be fitted; its points are compared.
+        mapping: Meaning of a rig's topics; None to go by names and types.
         noise: Standard deviation of a measured coordinate [m]; None to take the recorded scene's, or to estimate it.
 
     Raises:
@@ -98,14 +98,15 @@ def read_experiment(
         commands, odd = _converted(recording, meaning, scene, name)
         warnings += odd
         schedule, settled, shift = (), meaning.initial == "rest", 0.0
-    side = read_signals(recording, name=name, mapping=meaning, measured=True)
-    warnings += side.warnings
-    points = tuple(point for point in scene.points if point in side.series)
+    signals = read_signals(recording, name=name, mapping=meaning, measured=True)
+    warnings += signals.warnings
+    points = tuple(point for point in scene.points if point in signals.series)
     if not points:
         raise IdentificationError(
-            f"{name} has no tracker positions of the points {list(scene.points)} of the scene, only {list(side.series)}"
+            f"{name} has no tracker positions of the points {list(scene.points)} of the scene, "
+            f"only {list(signals.series)}"
         )
-    tracks = [side.series[point] for point in points]
+    tracks = [signals.series[point] for point in points]
     time = np.unique(np.concatenate([track.time for track in tracks]))
     position = np.full((len(time), len(points), 3), np.nan)
     for number, track in enumerate(tracks):
@@ -117,11 +118,11 @@ def read_experiment(
 
 
 def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Command, ...]:
-    # A controller repeats itself many times a second; what changes nothing would cost a restart of the steps each time.
+    # A controller repeats its commands many times per second. Each would restart the steps without an effect.
     simulation = scene.build()
     receiver = Commands(simulation)
     kept: list[Command] = []
-    heard: set[str] = set()
+    begun: set[str] = set()
     for command in commands:
         before = _commanded(simulation)
         try:
@@ -130,10 +131,10 @@ def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Co
             raise IdentificationError(
                 f"{name}: the scene refuses the command on {command[1]} at {command[0]:.3f} s: {refusal}"
             ) from refusal
-        # The first of its kind takes over from the schedule, whatever it says; wrenches do so frame by frame.
-        if command[1] not in heard or command[1] == "external_wrench" or _commanded(simulation) != before:
+        # The first command of its kind replaces the schedule, also without a change; wrenches do so frame by frame.
+        if command[1] not in begun or command[1] == "external_wrench" or _commanded(simulation) != before:
             kept.append(command)
-        heard.add(command[1])
+        begun.add(command[1])
     return tuple(kept)
 
 
@@ -145,21 +146,21 @@ def _commanded(simulation: Simulation) -> list[object]:
 def _converted(
     recording: Recording, mapping: Mapping, scene: Scene, name: str
 ) -> tuple[tuple[Command, ...], list[str]]:
-    # A rig's messages become the twin's own once, here: what they turn into depends on earlier commands only.
+    # A rig's messages are converted to the twin's own once, here: the result depends on earlier commands only.
     simulation = scene.build()
     receiver = Commands(simulation)
-    entries, reports, _ = mapped_commands(recording, mapping)
+    mapped, reports, _ = mapped_commands(recording, mapping)
     commands = []
-    for entry in entries:
-        command = entry.command(simulation)
+    for timed in mapped:
+        command = timed.command(simulation)
         if command is None:
             continue
         try:
             receiver.receive(*command)
         except Refusal as refusal:
-            entry.refused(refusal.reason)
+            timed.refused(refusal.reason)
             continue
-        commands.append((entry.time * 1e-9, *command))
+        commands.append((timed.time * 1e-9, *command))
     if not commands:
         raise SceneError(
             f"{name}: no command of the bag fits the scene: {receiver.last_refusal or 'none is mapped'}"

@@ -14,14 +14,14 @@ from ldcs_ros.identify.parameters import FitParameter, values_at
 from ldcs_ros.identify.prediction import FIT_ACCURACY
 from ldcs_ros.identify.workers import Workers
 
-# Differences, not a tangent-linear model. Measured on paper_calibrated (2 s, three parameters, one core): differences
-# took 1.6 s and were right to 0.03 %; a tangent-linear pass along the same motion (trapezoid, sparse LU) took 1.5 s for
-# 3 %, 2.8 s for 1.6 %. Differences also fill all cores and work for every key of a scene, valves and geometry included.
+# Differences, not a tangent-linear model. On paper_calibrated (2 s, three parameters, one core) differences took 1.6 s
+# and had an error of 0.03 %. A tangent-linear pass along the same motion (trapezoid, sparse LU) took 1.5 s for an error
+# of 3 %, and 2.8 s for 1.6 %. Differences also fill all cores and work for every key of a scene.
 DIFFERENCE = 1e-4  # of the way between the bounds
-FAILED_RESIDUAL = 1e3  # standard deviations, where the scene has no answer: the step is taken back
-# Far from the minimum a direction that is right to a percent will do: starts are screened and followed at the
-# usual accuracy. Only the best is polished at the accuracy of the answer, with the slopes that it came with: they are
-# right to a percent, so each polishing run takes the error down by a factor of a hundred.
+FAILED_RESIDUAL = 1e3  # standard deviations, of a scene without an answer: the step is taken back
+# Far from the minimum a direction with an error of a percent suffices: starts are screened and followed at the usual
+# accuracy. Only the best is polished at the accuracy of the answer, with its old slopes. Their error is a percent, so
+# each polishing run reduces the error by a factor of a hundred.
 ROUGH_ACCURACY = 1e-5  # m
 FOLLOWED = 3  # starts that are followed
 SAME = 1e-2  # fraction of the bounds: two minima closer than that are one
@@ -29,7 +29,7 @@ SAME = 1e-2  # fraction of the bounds: two minima closer than that are one
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where one start ended.
+    """The end of the search from one start.
 
     Attributes:
         normalised: Place between the bounds, shape (n,).
@@ -60,11 +60,11 @@ def search(
     """Return the minima found, best first: start values are screened, the best few are followed.
 
     Args:
-        parameters: What to find.
-        workers: Who computes residuals.
+        parameters: Parameters to fit.
+        workers: Processes that compute residuals.
         starts: Starts to screen: the scene's own values, and a Latin hypercube between the bounds.
         seed: Seed of the hypercube.
-        progress: Called with the fraction of the work that is done, and what is going on.
+        progress: Called with the fraction of the work that is done, and a description of the present step.
 
     Raises:
         IdentificationError: The scene has no answer at any start.
@@ -79,7 +79,7 @@ def search(
         raise IdentificationError(
             "the scene cannot follow the bags at any start value; check the scene, and narrow the bounds"
         )
-    # The scene's own values are a best guess: they are followed in any case if they have an answer.
+    # The scene's own values are a best guess: they are always followed if they have an answer.
     chosen = [k for _, k in ranked[:FOLLOWED]]
     if screened[0] is not None and 0 not in chosen:
         chosen[-1] = 0
@@ -100,7 +100,7 @@ def search(
     progress(1.0, "")
     if best is None:
         raise IdentificationError(
-            "the scene has no answer where the search ended; check it, and narrow the bounds"
+            "the scene has no answer at the end of the search; check it, and narrow the bounds"
         )
     return [best, *rough[1:]]
 
@@ -146,10 +146,10 @@ class _Descent:
         """Return the minimum below a start; None if there is no answer there, or the minimum is known.
 
         Args:
-            start: Where to begin, shape (n,).
+            start: First values, normalised, shape (n,).
             tolerance: Relative change of the cost at which the search ends.
             known: Minima that are known, shape (n,) each.
-            slopes: d(residual)/d(fraction) to use all the way; None computes it where needed.
+            slopes: d(residual)/d(fraction) to use all the way; None computes it when needed.
         """
         start = np.clip(start, 1e-6, 1.0 - 1e-6)
         first = self._compute([start])[0]

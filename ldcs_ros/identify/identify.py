@@ -28,7 +28,7 @@ from ldcs_ros.schema.paths import with_values
 
 @dataclass(frozen=True)
 class Identification:
-    """What was found.
+    """The result of an identification.
 
     Attributes:
         content: The scene with the fitted values, as plain values.
@@ -69,12 +69,12 @@ def identify(
     Args:
         scene: The scene; parameters start at its values.
         experiments: Bags to fit.
-        parameters: What to find.
+        parameters: Parameters to fit.
         held_out: Bags to predict with the result, unseen by the fit.
         starts: Start values to screen.
         seed: Seed of the start values.
         processes: Worker processes; None for one a core, 1 for none.
-        progress: Called with the fraction of the work that is done, and what is going on.
+        progress: Called with the fraction of the work that is done, and a description of the present step.
 
     Raises:
         IdentificationError: The data cannot determine the parameters in principle, or nothing can be computed.
@@ -97,9 +97,7 @@ def identify(
         with Workers(content, held_out, processes=1) as workers:
             answer = workers.residuals([values])[0]
         if answer is None:
-            raise IdentificationError(
-                "the fitted scene cannot follow the held-out bags; widen what is fitted"
-            )
+            raise IdentificationError("the fitted scene cannot follow the held-out bags; fit more parameters")
         unseen = scores(held_out, answer)
     return Identification(
         content=with_values(content, values),

@@ -1,4 +1,4 @@
-"""The numbers to identify: where they stand in the scene, between which bounds, on which scale."""
+"""The parameters to identify: their paths in the scene, their bounds and their scale."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ldcs_ros.identify.experiments import IdentificationError
 from ldcs_ros.scene import load_scene
 from ldcs_ros.schema.paths import get_value, with_values
 
-SPAN = 4.0  # a parameter without bounds is looked for between a quarter and four times its value
+SPAN = 4.0  # a parameter without bounds is searched between a quarter and four times its value
 LOGARITHMIC = 4.0  # bounds whose ratio is at least this are searched on a logarithmic scale
 
 
 @dataclass(frozen=True)
 class FitParameter:
-    """A number of the scene that is to be found.
+    """A number of the scene that is to be fitted.
 
     Attributes:
-        path: Where it stands, such as effects.arms.joint_stiffness.
+        path: Its path in the scene, such as effects.arms.joint_stiffness.
         start: Its value in the scene, SI.
         low, high: Bounds.
     """
@@ -45,7 +45,7 @@ class FitParameter:
         return self.low + fraction * (self.high - self.low)
 
     def fraction(self, value: float) -> float:
-        """Return how far a value is on the way from low to high."""
+        """Return the fraction of the way from low to high at a value."""
         if self.logarithmic:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
@@ -61,13 +61,13 @@ def parse_parameter(text: str, content: dict[str, Any]) -> FitParameter:
     """Return the parameter of `PATH` or `PATH=LOW..HIGH`.
 
     Raises:
-        IdentificationError: It cannot be read, stands at no number, or its bounds do not hold the scene's value.
+        IdentificationError: It cannot be read, names no number, or its bounds do not hold the scene's value.
         SceneError: The path leads nowhere.
     """
     path, _, bounds = text.partition("=")
     if path.strip().startswith("inputs"):
         raise IdentificationError(
-            f"--fit {text}: what was commanded stands in the bags; fit what it does, such as effects.arms.pressure_gain"
+            f"--fit {text}: the bags hold the commands; fit their effect, such as effects.arms.pressure_gain"
         )
     start = get_value(content, path.strip())
     if isinstance(start, bool) or not isinstance(start, (int, float)):
@@ -79,9 +79,7 @@ def parse_parameter(text: str, content: dict[str, Any]) -> FitParameter:
     if bounds:
         low, high = _bounds(text, bounds)
     elif start == 0.0:
-        raise IdentificationError(
-            f"--fit {text}: the scene has 0 there; say where to look, --fit {path}=LOW..HIGH"
-        )
+        raise IdentificationError(f"--fit {text}: the scene has 0 there; give bounds, --fit {path}=LOW..HIGH")
     else:
         low, high = sorted((start / SPAN, start * SPAN))
     if not low <= start <= high:
@@ -95,7 +93,7 @@ def check_parameters(parameters: Sequence[FitParameter], content: dict[str, Any]
     """Check that the scene is sound at every bound.
 
     Raises:
-        IdentificationError: A path is named twice, or a bound is outside of what the scene accepts.
+        IdentificationError: A path is named twice, or the scene refuses a bound.
     """
     paths = [parameter.path for parameter in parameters]
     if len(set(paths)) != len(paths):

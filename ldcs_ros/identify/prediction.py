@@ -1,4 +1,4 @@
-"""What a scene answers to the commands of an experiment, and how far that is from what was measured."""
+"""The answer of a scene to the commands of an experiment, and its distance from the measurements."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from ldcs_ros.scene import load_scene
 from ldcs_ros.schema.paths import with_values
 from ldcs_ros.twin.commands import Commands
 
-# Adaptive steps change with the parameters, and the answer with them by up to the accuracy. At the usual 1e-5 m a
-# difference over 1e-4 of a value is wrong by 0.05 to 0.4 %, and a bias of 6e-6 m weighs more than the noise of
-# 1e-4 m averaged over a bag. At 1e-7 m both are below 1e-4 of that, at 1.7 times the cost (measured on the scene
-# paper_calibrated; steps fixed in advance would have to be short everywhere for the corners after commands).
+# Adaptive steps change with the parameters, and the answer with them by up to the accuracy. At the usual 1e-5 m the
+# error of a difference over 1e-4 of a value is 0.05 to 0.4 %. A bias of 6e-6 m then exceeds the noise of 1e-4 m
+# averaged over a bag. At 1e-7 m both are below 1e-4 of that, at 1.7 times the cost (on the scene paper_calibrated).
+# Fixed steps would have to be short everywhere because of the discontinuities after commands.
 FIT_ACCURACY = 1e-7
 
 
 def predict(content: dict[str, Any], experiment: Experiment, *, accuracy: float = FIT_ACCURACY) -> np.ndarray:
-    """Return where a scene's points are at the experiment's times [m], shape (n, n_points, 3).
+    """Return the positions of a scene's points at the experiment's times [m], shape (n, n_points, 3).
 
     Raises:
         LdcsError: The scene is not sound, or cannot follow the commands.
     """
-    # What was commanded is known: the bag's schedule stands for the scene's.
+    # The commands are known: the bag's schedule replaces the scene's.
     scene = load_scene({**content, "inputs": list(experiment.schedule)})
     simulation = scene.with_accuracy(accuracy).build()
     if experiment.settled:

@@ -1,4 +1,4 @@
-"""The fitted scene as a file whose header says what was fitted to what, and how far to trust it."""
+"""The fitted scene as a file whose header reports the parameters, the bags and the quality of the fit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def scene_text(found: Identification, experiments: Sequence[Experiment], *, orig
     Args:
         found: The identification.
         experiments: The bags that were fitted.
-        origin: Name of the scene that was started from.
+        origin: Name of the scene at the start.
     """
     content = dict(found.content)
     content["title"] = f"{content.get('title', origin)} (identified)"
@@ -62,11 +62,13 @@ def write_scene(path: Path, text: str) -> None:
 
 
 def estimate_words(item: ParameterEstimate) -> str:
-    """Return a fitted number in words: path, value, interval, and what is wrong with it."""
-    remark = ", at its bound" if item.at_bound else ", the data hardly tell it" if item.undetermined else ""
+    """Return a fitted number in words: path, value, interval and its flaws."""
+    remark = (
+        ", at its bound" if item.at_bound else ", hardly determined by the data" if item.undetermined else ""
+    )
     p = item.parameter
-    looked = f"looked for in {p.low:.4g} ... {p.high:.4g} from {p.start:.6g}"
-    return f"{p.path} = {item.value:.6g}  ({item.low:.6g} ... {item.high:.6g}{remark}; {looked})"
+    searched = f"searched in {p.low:.4g} ... {p.high:.4g} from {p.start:.6g}"
+    return f"{p.path} = {item.value:.6g}  ({item.low:.6g} ... {item.high:.6g}{remark}; {searched})"
 
 
 def score_words(item: Score) -> str:
@@ -104,7 +106,7 @@ def as_dict(found: Identification) -> dict[str, Any]:
 
 
 def _plain(item: Score | Misfit) -> dict[str, Any]:
-    # The JSON keeps the name that its readers know.
+    # The JSON keeps its published key.
     return {"lasting" if name == "ljung_box_z" else name: value for name, value in vars(item).items()}
 
 

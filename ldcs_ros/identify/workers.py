@@ -19,12 +19,12 @@ _shared: tuple[dict[str, Any], Sequence[Experiment]] | None = None
 
 
 class Workers:
-    """Computes residuals; use it in a `with` block, which ends the processes.
+    """A pool of processes that compute residuals; a `with` block ends them.
 
     Args:
         content: The scene that is fitted.
         experiments: The bags.
-        processes: How many; 1 computes in this process, None takes one a core.
+        processes: Number of processes; 1 computes in this process, None takes one a core.
 
     Attributes:
         count: Parameter sets computed so far.
@@ -82,7 +82,7 @@ class Workers:
 
 def _begin(content: dict[str, Any], experiments: Sequence[Experiment]) -> None:
     global _shared
-    # Ctrl-C reaches the whole group: the caller ends the workers, they do not complain on their own.
+    # Ctrl-C reaches the whole group: the caller ends the workers, which print no errors of their own.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _shared = (content, experiments)
 

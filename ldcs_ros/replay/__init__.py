@@ -1,6 +1,6 @@
 """Replay: the commands of a bag fed to a twin, in log order and in process; nothing passes through DDS.
 
-Recording -> description (what ran) -> entries (commands with their places in the run) -> feed -> Twin -> bag
+Recording -> recorded run (scene, settings) -> timed commands (with their places in the run) -> drive -> Twin -> bag
                                                      verdict: the same bytes, or how far apart
 """
 

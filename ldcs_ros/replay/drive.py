@@ -1,4 +1,4 @@
-"""Feeding: a twin goes through a recorded run, each command at its own place between the events."""
+"""The drive of a twin through a recorded run, each command at its own place between the events."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class TimedCommand(Protocol):
 
     Attributes:
         time: Simulation time at which it acted [ns].
-        after: How many of the twin's messages of that very time came before it; None for all of them.
+        after: Number of the twin's messages of that very time before it; None for all of them.
     """
 
     @property
@@ -28,21 +28,21 @@ class TimedCommand(Protocol):
     def after(self) -> int | None: ...
 
     def command(self, simulation: Simulation) -> tuple[str, bytes] | None:
-        """Return topic and message for the simulation as it stands; None if nothing would change."""
+        """Return topic and message for the present simulation; None if nothing would change."""
         ...
 
     def refused(self, reason: str) -> None:
-        """Take note that the twin refused it."""
+        """Count a refusal by the twin."""
         ...
 
 
 @dataclass(frozen=True)
 class RecordedCommand:
-    """A command of our own bag, fed as it was.
+    """A command of our own bag, given unchanged.
 
     Attributes:
         time: Simulation time at which it acted [ns].
-        after: How many of the twin's messages of that very time came before it; None for all of them.
+        after: Number of the twin's messages of that very time before it; None for all of them.
         topic: Relative name of the topic.
         cdr: The message.
     """
@@ -61,15 +61,15 @@ class RecordedCommand:
 
 @dataclass
 class Outcome:
-    """How the feeding went.
+    """The counts of a drive.
 
     Attributes:
         applied: Commands applied.
-        unchanged: Commands that would have changed nothing, left out.
+        unchanged: Commands without an effect, left out.
         refused: Commands that the twin refused, by reason.
         not_reached: Commands whose time was not reached before the end.
         last_refusal: The latest refusal in words, with its time.
-        interrupted: Somebody asked it to end early.
+        interrupted: It was asked to end early.
     """
 
     applied: int = 0
@@ -98,31 +98,31 @@ class _Emitted:
 
 
 def is_counted(topic: Topic) -> bool:
-    """Tell whether a topic's messages say where in a run one stands: what a twin reports, and reports again."""
+    """Return whether a topic's messages mark places in a run: those that a twin reports the same way again."""
     return topic.direction == "out" and topic.recorded and not topic.measured
 
 
 def drive(
     twin: Twin,
-    entries: Sequence[TimedCommand],
+    commands: Sequence[TimedCommand],
     *,
     end: int,
     last: int | None = None,
-    tell: Callable[[float], None] = lambda time: None,
+    progress: Callable[[float], None] = lambda time: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Advance a twin from its start through all entries to an end.
+    """Advance a twin from its start through all commands to an end.
 
     Args:
         twin: A twin that has emitted nothing.
-        entries: The commands, by time.
-        end: Where to end [ns of simulation time].
-        last: How many of the twin's messages of that very time came; None for all.
-        tell: Called with the simulation time now and then [s].
-        stop: Asked now and then; True ends early.
+        commands: The commands, by time.
+        end: Simulation time of the end [ns].
+        last: Number of the twin's messages of that very time; None for all.
+        progress: Called with the simulation time [s] at each event.
+        stop: Asked at each event; True ends early.
 
     Raises:
-        DivergenceError: The simulation cannot go on; what came before has been emitted.
+        DivergenceError: The simulation cannot go on; all messages before that have been emitted.
     """
     outcome = Outcome()
     emitted = _Emitted(twin.topics)
@@ -134,13 +134,13 @@ def drive(
             if due > time or (due == time and after is not None and emitted.at(time) >= after):
                 return True
             twin.advance_to_next()
-            tell(twin.time)
+            progress(twin.time)
         return False
 
     try:
-        for index, command in enumerate(entries):
+        for index, command in enumerate(commands):
             if command.time > end or outcome.interrupted:
-                outcome.not_reached = len(entries) - index
+                outcome.not_reached = len(commands) - index
                 break
             if not advance(command.time, command.after):
                 outcome.interrupted = True

@@ -29,7 +29,7 @@ def converted(
     """Return topic and message of the twin's command; None if it would change nothing.
 
     Raises:
-        MappingError: The message is not what the mapping says.
+        MappingError: The message does not fit the mapping.
     """
     if source.to == "pressure_command":
         return _pressure(message, message_type, source, simulation, report, ambient_pressure)
@@ -55,7 +55,7 @@ def _pressure(
     report.below_zero += bool(below.any())
     gauge = np.where(below, 0.0, gauge)
     present = simulation.inputs.pressure
-    if present is None:  # the twin will say why it refuses
+    if present is None:  # the twin refuses it with a reason
         return source.to, messages.pressure_command(gauge)
     target = present.copy()
     target[[simulation.arm_names.index(arm) for arm in source.arms]] = gauge
@@ -104,15 +104,15 @@ def _wrench(
 
 @dataclass(frozen=True)
 class MappedCommand:
-    """A command of a rig, converted when its turn comes: one topic may speak for one arm of two.
+    """A command of a rig, converted at its time: one topic may command one arm of two.
 
     Attributes:
         time: Simulation time at which it acts [ns].
         after: None: the command follows all messages of that time, as it does live.
-        source: How to read it.
+        source: Description of its topic.
         message: The message object.
         type: Its type.
-        report: Where to count.
+        report: Counts of its topic.
         ambient_pressure: Pressure of the surrounding air [Pa].
     """
 
@@ -147,7 +147,7 @@ class MappedCommand:
 def mapped_commands(
     recording: Recording, mapping: Mapping
 ) -> tuple[list[MappedCommand], list[ChannelReport], int]:
-    """Return the commands by time, what was found in each topic, and the log time of simulation time zero [ns].
+    """Return the commands by time, the report of each topic, and the log time of simulation time zero [ns].
 
     Simulation time begins with the bag.
 
@@ -165,7 +165,7 @@ def mapped_commands(
     for source in mapping.commands:
         # Several sources may read one topic: it is counted once.
         report = ChannelReport(source.topic)
-        heard = read_channel(
+        decoded = read_channel(
             recording, source.topic, report, by=mapping.time, late=mapping.late, gap=mapping.gap
         )
         report = reports.setdefault(source.topic, report)
@@ -180,6 +180,6 @@ def mapped_commands(
                 report,
                 mapping.ambient_pressure,
             )
-            for one in heard
+            for one in decoded
         ]
     return sorted(commands, key=lambda command: command.time), list(reports.values()), origin

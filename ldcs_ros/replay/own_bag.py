@@ -64,12 +64,12 @@ def recorded_run(recording: Recording) -> RecordedRun | None:
 
 @dataclass(frozen=True)
 class Timeline:
-    """What happened in a run.
+    """The commands and the end of a run.
 
     Attributes:
         commands: The commands in log order.
         end: Log time of the last message [ns].
-        last: Messages of that time that say where the run stood; None if the bag holds commands alone.
+        last: Counted messages of that time; None if the bag holds commands alone.
     """
 
     commands: tuple[RecordedCommand, ...]
@@ -78,16 +78,16 @@ class Timeline:
 
 
 def timeline(recording: Recording, *, namespace: str, topics: dict[str, Topic]) -> Timeline:
-    """Return the commands of a run and where it ended.
+    """Return the commands of a run and its end.
 
     Args:
         recording: The bag.
-        namespace: What stands before relative topic names in it.
+        namespace: Prefix of relative topic names in it.
         topics: The twin's topics by relative name.
     """
     names = {name if name.startswith("/") else f"{namespace}/{name}": name for name in topics}
     reports = {full for full, name in names.items() if is_counted(topics[name])}
-    # A bag of which only the commands were kept does not tell what came between them at one time.
+    # A bag of which only the commands were kept omits the messages between them at one time.
     placed = f"{namespace}/nodes" in recording.topics
     commands: list[RecordedCommand] = []
     time, count = -1, 0

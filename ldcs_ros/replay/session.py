@@ -1,4 +1,4 @@
-"""A replay from end to end: bag in, bag out, and a report of what was fed and how the two compare."""
+"""A replay from end to end: bag in, bag out, and a report of its commands and of the comparison."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ FIXED_STEP_ALLOWED = 1e-6
 
 @dataclass(frozen=True)
 class Changes:
-    """What a replay does unlike the original.
+    """The deviations of a replay from the original.
 
     Attributes:
         scene: Another scene; None for the recorded one.
         seed: Another seed; None for the recorded one.
         accuracy: Another accuracy [m]; None for the recorded one.
-        duration: Where to end [s after the start]; None for the recorded end.
+        duration: Time from the start to the end [s]; None for the recorded end.
     """
 
     scene: Scene | None = None
@@ -50,13 +50,13 @@ class Changes:
 
 @dataclass(frozen=True)
 class Replay:
-    """What came out of a replay.
+    """The result of a replay.
 
     Attributes:
         twin: The twin at the end.
         outcome: Counts of the commands.
-        reports: What was found in each mapped topic; empty for a bag of our own.
-        verdict: How it compares with the original; None if it is another run by intent.
+        reports: Report of each mapped topic; empty for a bag of our own.
+        verdict: Comparison with the original; None if it is another run by intent.
         recorder: The bag that was written.
         start: Simulation time at which it began [s].
     """
@@ -75,32 +75,34 @@ def replay(
     *,
     changes: Changes | None = None,
     mapping: Mapping | None = None,
-    tell: Callable[[float, float], None] = lambda time, end: None,
+    progress: Callable[[float, float], None] = lambda time, end: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Replay:
-    """Run the commands of a bag through a twin and write what it does into a new bag.
+    """Run the commands of a bag through a twin and write its messages into a new bag.
 
-    A bag of our own is run as it was, unless a mapping says that it is to be read like a rig's.
+    A bag of our own is repeated unchanged; with a mapping it is read like a rig's.
 
     Args:
         bag: The bag.
         folder: The new bag.
-        changes: What to do unlike the original.
-        mapping: What the topics of a rig's bag mean; None to go by names and types.
-        tell: Called with the simulation time and the end [s].
-        stop: Asked now and then; True ends early.
+        changes: Deviations from the original.
+        mapping: Meaning of a rig's topics; None to go by names and types.
+        progress: Called with the simulation time and the end [s].
+        stop: Asked at each event; True ends early.
 
     Raises:
         RecordingError: A bag cannot be read or written.
         SceneError: The bag names no scene and none was given, or it is not sound.
         MappingError: The mapping does not fit the bag.
-        DivergenceError: The simulation cannot go on; the bag holds what came before.
+        DivergenceError: The simulation cannot go on; the bag holds all messages before that.
     """
     recording, changes = read_bag(bag), changes or Changes()
     run = recorded_run(recording) if mapping is None else None
     if run is not None:
-        return _replay_own(recording, run, Path(folder), changes, tell, stop)
-    return _replay_foreign(recording, mapping or guess_mapping(recording), Path(folder), changes, tell, stop)
+        return _replay_own(recording, run, Path(folder), changes, progress, stop)
+    return _replay_foreign(
+        recording, mapping or guess_mapping(recording), Path(folder), changes, progress, stop
+    )
 
 
 def _replay_own(
@@ -108,7 +110,7 @@ def _replay_own(
     run: RecordedRun,
     folder: Path,
     changes: Changes,
-    tell: Callable[[float, float], None],
+    progress: Callable[[float, float], None],
     stop: Callable[[], bool],
 ) -> Replay:
     settings = replace(
@@ -125,7 +127,7 @@ def _replay_own(
     recorder = Recorder(
         folder, twin, namespace=run.namespace, custom_data={"replay_of": Path(recording.name).name}
     )
-    outcome = _run(twin, recorded.commands, recorder, end=end, last=last, tell=tell, stop=stop)
+    outcome = _run(twin, recorded.commands, recorder, end=end, last=last, progress=progress, stop=stop)
     verdict = None
     if changes.none and not outcome.interrupted and recorder.error is None:
         verdict = compare_runs(
@@ -142,14 +144,13 @@ def _replay_foreign(
     mapping: Mapping,
     folder: Path,
     changes: Changes,
-    tell: Callable[[float, float], None],
+    progress: Callable[[float, float], None],
     stop: Callable[[], bool],
 ) -> Replay:
     scene = changes.scene or recorded_scene(recording)
     if scene is None:
         raise SceneError(
-            f"{recording.name} does not say what it is a recording of; "
-            "name the scene that stands for it, such as --scene rig"
+            f"{recording.name} carries no scene; name the scene that describes it, such as --scene rig"
         )
     commands, reports, origin = mapped_commands(recording, mapping)
     settings = RunSettings(
@@ -160,12 +161,12 @@ def _replay_foreign(
     )
     twin = Twin(scene.without_schedule(), settings)
     start = round(twin.time * 1e9)
-    # A scene may come to rest only later: the bag begins when it does.
+    # A scene may come to rest only later: the bag begins at that time.
     commands = [replace(command, time=command.time + start) for command in commands]
     end = start + (recording.end - origin if changes.duration is None else round(changes.duration * 1e9))
     said = {"replay_of": Path(recording.name).name, "log_time_of_start": str(origin - start)}
     recorder = Recorder(folder, twin, custom_data=said)
-    outcome = _run(twin, commands, recorder, end=end, last=None, tell=tell, stop=stop)
+    outcome = _run(twin, commands, recorder, end=end, last=None, progress=progress, stop=stop)
     return Replay(twin, outcome, tuple(reports), None, recorder, start / 1e9)
 
 
@@ -176,12 +177,14 @@ def _run(
     *,
     end: int,
     last: int | None,
-    tell: Callable[[float, float], None],
+    progress: Callable[[float, float], None],
     stop: Callable[[], bool],
 ) -> Outcome:
     twin.sinks.append(recorder)
     try:
-        return drive(twin, commands, end=end, last=last, tell=lambda time: tell(time, end / 1e9), stop=stop)
+        return drive(
+            twin, commands, end=end, last=last, progress=lambda time: progress(time, end / 1e9), stop=stop
+        )
     except DivergenceError as error:
         recorder.close()
         raise DivergenceError(

@@ -14,20 +14,20 @@ from ldcs_ros.signals.topics import find_topic
 from ldcs_ros.signals.tracks import CLOUD, cloud_positions
 
 MEASURED = {topic.type for topic in TOPICS.values() if topic.measured}
-"""Types of what tells how long the computer took: not compared."""
+"""Types of messages with times of the computer: not compared."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a replay compares with the original run.
+    """The comparison of a replay with the original run.
 
     Attributes:
-        same_bytes: Every message, its time and the order of all are the same, but for what the computer took.
+        same_bytes: Every message, its time and the order of all are the same, without times of the computer.
         messages: Messages compared.
-        first_difference: Where the first difference is, in words; '' when there is none.
-        largest: Largest distance of a node from where it was [m], float32 in both; None without `nodes`.
+        first_difference: Place of the first difference, in words; '' when there is none.
+        largest: Largest distance of a node from its original position [m], float32 in both; None without `nodes`.
         allowed: Distance that passes [m]; None if the scene has a fixed step, which promises none.
-        differing: What it ran on that differs, as 'name: then, now'.
+        differing: Software with another version, as 'name: then, now'.
     """
 
     same_bytes: bool
@@ -39,7 +39,7 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """The same bytes, or node positions within what is allowed."""
+        """The same bytes, or node positions within the allowed distance."""
         if self.same_bytes:
             return True
         return self.largest is not None and self.allowed is not None and self.largest <= self.allowed
@@ -53,7 +53,7 @@ def compare_runs(
     topics, missing = sorted(ours & theirs), sorted(ours ^ theirs)
     difference, messages = "", 0
     for then, now in zip_longest(original.in_order(topics), again.in_order(topics)):
-        # A bag that was cut off ends in the middle of what belongs to one time.
+        # A bag that was cut off ends within the messages of one time.
         if then is None and now.time >= original.end:
             break
         if then != now:

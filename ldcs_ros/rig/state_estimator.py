@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.estimate.basis_process import BasisProcess
-from ldcs_ros.estimate.filter import SHAPES, SurfaceEstimate, SurfaceFilter
+from ldcs_ros.estimate.filter import MODES, SurfaceEstimate, SurfaceFilter
 from ldcs_ros.messages.cdr import encode, header, message_class, nanoseconds
 from ldcs_ros.messages.diagnostics import ERROR, OK, WARN, Status
 from ldcs_ros.messages.lattice import NodeCloud
@@ -47,7 +47,7 @@ class StateEstimator:
         self.skipped = 0
         self.filter: SurfaceFilter | None = None
         self.failure = ""
-        self._basis: BasisProcess | None = BasisProcess(twin.scene, self._points[-1], SHAPES)
+        self._basis: BasisProcess | None = BasisProcess(twin.scene, self._points[-1], MODES)
 
     def close(self) -> None:
         """End the search for the basis."""

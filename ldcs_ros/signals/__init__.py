@@ -1,4 +1,4 @@
-"""What the topics of a bag mean: the mapping file of a rig, and the names that this project writes itself."""
+"""The meaning of a bag's topics: the mapping file of a rig, and the names that this project writes itself."""
 
 from __future__ import annotations
 

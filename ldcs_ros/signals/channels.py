@@ -1,4 +1,4 @@
-"""The messages of a rig's topic taken in: decoded, put in order, copies dropped, and everything odd counted."""
+"""The messages of a rig's topic: decoded, sorted, without copies, and with a count of each irregularity."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DecodedMessage:
     """A sound message.
 
     Attributes:
-        time: When it acts, on the recorder's clock [ns].
+        time: Time at which it acts, on the recorder's clock [ns].
         message: The message object.
     """
 
@@ -36,16 +36,16 @@ class ChannelReport:
     Attributes:
         topic: Its name.
         messages: Messages in the bag.
-        malformed: Messages that cannot be read as what the mapping says.
-        duplicates: Messages that are there twice; one is taken.
+        malformed: Messages that cannot be read as the mapping demands.
+        duplicates: Repeated messages; one is taken.
         out_of_order: Messages with a stamp before that of an earlier one; sorted.
         late: Messages recorded long after their stamp.
-        missing: Messages that the silences suggest are missing; the last value is held meanwhile.
+        missing: Missing messages, estimated from the silences; the last value is held meanwhile.
         longest_gap: Longest silence [s].
-        below_zero: Pressures a little below ambient, taken as ambient.
+        below_zero: Pressures slightly below ambient, taken as ambient.
         refused: Commands that the twin refused, by reason.
-        clock_offset: What the stamps' clock is ahead of the recorder's [s]; None if it is the same.
-        problem: Why the first malformed message could not be read.
+        clock_offset: Lead of the stamps' clock over the recorder's [s]; None if it is the same.
+        problem: Error of the first malformed message.
     """
 
     topic: str
@@ -63,7 +63,7 @@ class ChannelReport:
 
     def count_gaps(self, times: np.ndarray, limit: float | None) -> None:
         """Count silences in sorted times [ns]; `limit` [s], None for five usual periods."""
-        # Probes that share a topic may speak at one time, or close together.
+        # Probes of one topic may report at one time, or close together.
         steps = np.diff(np.unique(times)) * 1e-9
         if len(steps) < 2:
             return
@@ -77,7 +77,7 @@ class ChannelReport:
         return {**vars(self), "refused": dict(self.refused)}
 
     def warnings(self) -> list[str]:
-        """Return what is worth telling, in words."""
+        """Return the irregularities in words."""
         lines = [
             f"{count} {what}"
             for count, what in (
@@ -99,13 +99,13 @@ class ChannelReport:
 def read_channel(
     recording: Recording, topic: str, report: ChannelReport, *, by: str, late: float, gap: float | None
 ) -> list[DecodedMessage]:
-    """Return the sound messages of a topic by time, and count what is odd in `report`.
+    """Return the sound messages of a topic by time, and count the irregular ones in `report`.
 
     Args:
         recording: The bag.
         topic: A topic of it.
-        report: Where to count.
-        by: 'stamp' for the time of the header where there is one, 'log' for when it was recorded.
+        report: The counts.
+        by: 'stamp' for the time of the header if there is one, 'log' for the time of recording.
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five usual periods.
 
@@ -127,7 +127,7 @@ def read_channel(
             report.problem = report.problem or str(error)
             continue
         stamp = fields.stamp(message) or raw.time
-        # A copy has the same stamp; where there are no stamps, the same content at the same time.
+        # A copy has the same stamp; without stamps, it has the same content at the same time.
         if (stamp, raw.cdr) in seen:
             report.duplicates += 1
             continue
@@ -157,7 +157,7 @@ def _on_the_recorders_clock(stamps: np.ndarray, logs: np.ndarray, report: Channe
     ahead = stamps - logs
     if abs(int(np.median(ahead))) <= _ANOTHER_CLOCK:
         return stamps
-    # The message that came fastest shows best how the two clocks stand.
+    # The fastest message has the least delay in the difference of the clocks.
     offset = int(ahead.max())
     report.clock_offset = offset * 1e-9
     shifted: np.ndarray = stamps - offset

@@ -1,4 +1,4 @@
-"""Values out of messages of any type: the usual field of each type, or a path such as `pressures.value`."""
+"""Values of messages of any type: the usual field of each type, or a path such as `pressures.value`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ POSITIONS = {
 
 
 def numbers(message: object, path: str, message_type: str) -> np.ndarray:
-    """Return the numbers at a path of a message, shape (n,); '' stands for the usual field of the type.
+    """Return the numbers at a path of a message, shape (n,); '' means the usual field of the type.
 
     A path is attribute names with dots between; a name that meets an array is taken of each of its elements.
 
@@ -91,12 +91,12 @@ def stamp(message: object) -> int | None:
 
 
 def default_offset(message_type: str, ambient: float = STANDARD_ATMOSPHERE) -> float:
-    """Return what to subtract for gauge pressure [Pa]: FluidPressure is absolute by its definition."""
+    """Return the offset of gauge pressure [Pa]: FluidPressure is absolute by its definition."""
     return ambient if message_type == FLUID_PRESSURE else 0.0
 
 
 def at_path(message: object, path: str) -> object:
-    """Return what is at a dotted path of a message; MappingError names the part that is missing."""
+    """Return the value at a dotted path of a message; MappingError names the missing part."""
     value: object = message
     for name in filter(None, path.split(".")):
         if isinstance(value, (list, tuple)):

@@ -51,14 +51,14 @@ class CommandSource:
 
     Attributes:
         topic: Its name in the bag.
-        to: Input of the twin that it stands for: pressure_command, torque_command or external_wrench.
+        to: Corresponding input of the twin: pressure_command, torque_command or external_wrench.
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
         arms: Arms that its values are for, in their order.
         joints: Joint names for its values, in their order; empty to take the message's own.
         frame: Frame of a wrench; '' to take the message's own.
-        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for what
-            the message type says.
+        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
+            of the message type.
     """
 
     topic: str
@@ -77,15 +77,15 @@ class MeasurementSource:
 
     Attributes:
         topic: Its name in the bag.
-        to: What it measures: a point (`P0`), `<arm>/pressure`, or a joint (`joint/<name>`).
+        to: The measured quantity: a point (`P0`), `<arm>/pressure`, or a joint (`joint/<name>`).
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
         child: Child frame of the transform that is meant; '' for any.
-        translation: Where the sensor's base stands in ldcs_base [m].
-        rotation: Unit quaternion x, y, z, w that turns the sensor's axes into those of ldcs_base.
-        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for what
-            the message type says.
-        index: Which element of an array is meant; None for a message with one value.
+        translation: Position of the sensor's base in ldcs_base [m].
+        rotation: Unit quaternion x, y, z, w that rotates the sensor's axes into those of ldcs_base.
+        offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
+            of the message type.
+        index: Index of the element of an array; None for a message with one value.
     """
 
     topic: str
@@ -101,13 +101,13 @@ class MeasurementSource:
 
 @dataclass(frozen=True)
 class Mapping:
-    """What a bag's topics mean.
+    """The meaning of a bag's topics.
 
     Attributes:
         commands: Topics that command.
         measurements: Topics that report.
-        time: When a message acts: 'log' (when it was recorded) or 'stamp' (what its header says).
-        initial: Where a replay begins: 'rest' (the rest state without commands) or 'start' (the scene's start).
+        time: Time at which a message acts: 'log' (its recording) or 'stamp' (its header).
+        initial: Begin of a replay: 'rest' (the equilibrium without commands) or 'start' (the scene's start).
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five of the topic's usual periods.
         ambient_pressure: Pressure of the surrounding air [Pa].
@@ -126,7 +126,7 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
     """Return the mapping of a file.
 
     Raises:
-        MappingError: It cannot be read, is not valid YAML, or a key or value is wrong; the message says which.
+        MappingError: It cannot be read, is not valid YAML, or a key or value is wrong; the message names it.
     """
     file = Path(path)
     text = read_text(file, "mapping file", MappingError)
@@ -141,7 +141,7 @@ def parse_mapping(content: object) -> Mapping:
     """Return the mapping of a file's content.
 
     Raises:
-        MappingError: A key or value is wrong; the message says which.
+        MappingError: A key or value is wrong; the message names it.
     """
     block = _CHECKS.keys(content, _TOP, "the mapping")
     ambient = _CHECKS.number(block.get("ambient_pressure", STANDARD_ATMOSPHERE), "ambient_pressure", low=0.0)

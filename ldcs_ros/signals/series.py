@@ -33,7 +33,7 @@ def curve(time: np.ndarray, value: np.ndarray, *, smooth: bool) -> Curve:
 
 
 def at_times(time: np.ndarray, value: np.ndarray, asked: np.ndarray, through: Curve) -> np.ndarray:
-    """Return values at some times: those that are there if all are, and else those of a curve `through` them."""
+    """Return values at some times: known ones if all times are known, and else those of a curve `through` them."""
     # Runs of the same scene have the same stamps.
     index = np.clip(np.searchsorted(time, asked - TIME_TOLERANCE), 0, len(time) - 1)
     if np.all(np.abs(time[index] - asked) <= TIME_TOLERANCE):
@@ -67,7 +67,7 @@ class Series:
 
 
 def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return times and values in order, finite, each time once, and how many were dropped."""
+    """Return times and values in order, finite, each time once, and the number of dropped ones."""
     kept = np.isfinite(value).all(axis=1)
     order = np.argsort(time[kept], kind="stable")
     time_kept, value_kept = time[kept][order], value[kept][order]
@@ -75,22 +75,22 @@ def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return time_kept[first], value_kept[first], len(time) - int(first.sum())
 
 
-# Where a series is silent for this many of its usual periods, nothing is made up between its values.
+# Nothing is interpolated across a silence of this many usual periods of a series.
 GAP_PERIODS = 5.0
 
 
 def resample_common(
     a: Series, b: Series, offset: float, *, most: int | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return times on A's clock, both sides' values there, and how many times fell into gaps.
+    """Return times on A's clock, both sides' values there, and the number of times in gaps.
 
     The times are those of the noisier side, or else of the sparser one: noise is never interpolated if the
     other side is smooth.
 
     Args:
         a: One side.
-        b: The other side; something at t on A's clock has t + offset on B's.
-        offset: What B's clock is ahead of A's [s].
+        b: The other side; an event at t on A's clock has t + offset on B's.
+        offset: Lead of B's clock over A's [s].
         most: Times at most, evenly chosen; None for all.
     """
     by_a = reference_is_first(a, b)
@@ -108,6 +108,7 @@ def resample_common(
 
 
 def reference_is_first(a: Series, b: Series) -> bool:
+    """Return whether the times of A are the common ones: those of the noisier series, or else of the sparser one."""
     if a.smooth != b.smooth:
         return b.smooth
     return len(a.time) <= len(b.time)

@@ -32,16 +32,16 @@ _READ = (CLOUD, JOINTS, POSE, PRESSURE)
 
 @dataclass(frozen=True)
 class Signals:
-    """What is compared of one recording.
+    """The quantities of one recording over time.
 
     Attributes:
-        name: How the report calls it.
+        name: Name in reports.
         series: Channels by name: points (`P1`), `left/pressure` (gauge), `joint/left_joint_1`.
         surface: All nodes over time, None if they are not recorded.
         in_simulation_time: Its times are a simulation's, which begins at zero.
         side_length: Length of the sheet [m], None if the recording does not say.
         title: Title of its scene, '' without one.
-        warnings: What was odd in it, in words.
+        warnings: Its irregularities, in words.
     """
 
     name: str
@@ -54,13 +54,13 @@ class Signals:
 
 
 def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, measured: bool) -> Signals:
-    """Return what a recording says.
+    """Return the signals of a recording.
 
     Args:
         recording: A Recording.
-        name: How to call it.
-        mapping: What the topics of a rig's bag mean; None to read a twin's bag as such and to guess others.
-        measured: Take what a twin's tracker reports for the points, not where they truly are.
+        name: Name in reports.
+        mapping: Meaning of a rig's topics; None to read a twin's bag as such and to guess others.
+        measured: Take the points from a twin's tracker, not their true positions.
 
     Raises:
         RecordingError: Nothing in it can be compared.
@@ -181,7 +181,9 @@ def _number(message: object, source: MeasurementSource, kind: str, path: str) ->
     if index is None and joint != source.to and joint in names:
         index = names.index(joint)
     if index is None and values.size != 1:
-        raise MappingError(f"{source.topic} has {values.size} values; say with 'index:' which is {source.to}")
+        raise MappingError(
+            f"{source.topic} has {values.size} values; name with 'index:' the one of {source.to}"
+        )
     if index is not None and index >= values.size:
         raise MappingError(f"{source.topic} has {values.size} values, there is no index {index}")
     return float(values[index or 0])

@@ -24,7 +24,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 PRESSURE = "sensor_msgs/msg/FluidPressure"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 
-# A stamp beyond this is a wall clock, not a simulation time: count from the recording's start instead.
+# A stamp beyond this is of a wall clock, not of a simulation: times then count from the recording's start.
 _WALL_CLOCK = 10 * 365 * 86_400 * 1_000_000_000
 
 
@@ -54,7 +54,7 @@ class Track:
 
 
 class SurfaceTrack:
-    """The recorded surface over time; a cloud is unpacked only when it is asked for.
+    """The recorded surface over time; a cloud is unpacked on demand.
 
     Attributes:
         time: Times of the clouds [s], shape (n,).
@@ -158,13 +158,13 @@ def pressure_tracks(recording: Recording) -> dict[str, Track]:
 
 
 def seconds(nanoseconds: np.ndarray, start: int) -> np.ndarray:
-    """Return times [s] of nanosecond stamps: simulation times as they are, wall times from `start` on."""
+    """Return times [s] of nanosecond stamps: simulation times unchanged, wall times from `start` on."""
     origin = start if len(nanoseconds) and nanoseconds[0] > _WALL_CLOCK else 0
     return np.asarray(nanoseconds - origin, dtype=np.int64) * 1e-9
 
 
 def _stamps(messages: Sequence[StampedMessage], start: int) -> np.ndarray:
-    # The header says when the value was true; the log time says when it was sent, a delay later.
+    # The stamp of the header is the time of the value; the log time is that of sending, a delay later.
     stamps = np.array(
         [m.header.stamp.sec * 1_000_000_000 + m.header.stamp.nanosec for m in messages], dtype=np.int64
     )
@@ -173,7 +173,7 @@ def _stamps(messages: Sequence[StampedMessage], start: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One recorded surface and what belongs to it.
+    """One recorded surface with its arms and loads.
 
     Attributes:
         time: Log time [ns].
@@ -192,7 +192,7 @@ def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> I
     Args:
         recording: A Recording.
         scene: Its scene, or None: then there are neither arms nor wrenches.
-        every: Take one surface out of so many.
+        every: Take every n-th surface.
 
     Raises:
         RecordingError: The bag holds no surface.

@@ -1,7 +1,6 @@
-"""The paper's test repeated: Table I, the radius, pictures, what was calibrated and how well it is determined.
+"""The paper's test repeated: Table I, the radius, pictures, the calibration and its confidence.
 
-paper.py holds the printed numbers, measure.py what is read off a rest state, cases.py the models that are
-compared, parameters.py what the paper leaves open,
-calibration.py the fit behind the scene `paper_calibrated`, identifiability.py what the data can and
-cannot tell, transient.py the motion in time, pictures.py and tables.py what people see.
+paper.py holds the printed numbers, measure.py the quantities of an equilibrium, cases.py the compared models.
+parameters.py lists the parameters that the paper leaves open; calibration.py fits the scene `paper_calibrated`.
+identifiability.py judges the fit, transient.py follows the motion in time, pictures.py and tables.py show the results.
 """

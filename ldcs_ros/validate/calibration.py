@@ -1,7 +1,7 @@
-"""The fit behind the scene `paper_calibrated`: three numbers to the four displacements and the radius of Table I.
+"""The fit of the scene `paper_calibrated`: three numbers to the four displacements and the radius of Table I.
 
-Structures were compared first, each physical and discrete (docs/validation.md has the table); what is fitted
-here is what was left. P0 and P1 come out of one model, the weights are the same for all displacements.
+Physical, discrete structures were compared first (docs/validation.md has the table); the remaining numbers are fitted
+here. One model gives P0 and P1, and all displacements have the same weight.
 """
 
 from __future__ import annotations
@@ -20,25 +20,24 @@ from ldcs_ros.validate import paper
 from ldcs_ros.validate.measure import MM, Rest, at_rest
 from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS, SENSOR_HEIGHT, Parameter, present
 
-# What the data are worth, one standard deviation: the printed digits and the tracker allow 0.1 mm; "r = 0.115 m"
-# is printed to 1 mm.
+# Standard deviations of the data: the printed digits and the tracker allow 0.1 mm; "r = 0.115 m" is printed to 1 mm.
 DISPLACEMENT_SIGMA = 0.1  # mm
 RADIUS_SIGMA = 0.5  # mm
-# Central differences of rest states that are balanced to 1e-12 m: a step of 1e-4 of the scale is exact to 1e-6.
+# Central differences of equilibria balanced to 1e-12 m: a step of 1e-4 of the scale is exact to 1e-6.
 DIFFERENCE = 1e-4
 OBSERVATIONS = ("P0 x", "P0 z", "P1 x", "P1 z", "r")
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What the fit found.
+    """The result of the fit.
 
     Attributes:
         values: Fitted values by path, SI.
         content: The scene with them.
         seen: Its `observe` [mm], shape (5,).
         misfit: Sum of squares of (seen - target) / sigma.
-        evaluations: Rest states computed.
+        evaluations: Equilibria computed.
     """
 
     values: dict[str, float]
@@ -59,11 +58,11 @@ def fitted_content(content: dict[str, Any], values: dict[str, float]) -> dict[st
 
 
 def observe(content: dict[str, Any], values: dict[str, float] | None = None) -> np.ndarray:
-    """Return what the paper measured of a scene at rest: ux and uz of P0 and P1, and the radius [mm], shape (5,).
+    """Return ux and uz of P0 and P1 and the radius of a scene at its equilibrium [mm], shape (5,).
 
     Args:
         content: The scene.
-        values: Values to put into it first, by path; `SENSOR_HEIGHT` is one, too.
+        values: Values to put into it first, by path, also of `SENSOR_HEIGHT`.
     """
     rest = at_rest(fitted_content(content, values or {}))
     height = (values or {}).get(SENSOR_HEIGHT, 0.0)
@@ -72,8 +71,8 @@ def observe(content: dict[str, Any], values: dict[str, float] | None = None) -> 
 
 
 def _off_the_mid_plane(rest: Rest, name: str, height: float) -> np.ndarray:
-    # What a sensor at a height of the sheet moves more than one on the mid-plane [mm], shape (3,): the line from the
-    # bottom to the top node stays straight in between.
+    # Displacement of a sensor at a height of the sheet beyond that on the mid-plane [mm], shape (3,): the line from
+    # the bottom to the top node stays straight.
     lattice = rest.simulation.lattice
     point = rest.simulation.points[name]
     through = lattice.index[:, point.columns[0], point.rows[0]]
@@ -99,11 +98,11 @@ def fit(
     *,
     start: dict[str, float] | None = None,
 ) -> Fit:
-    """Fit parameters of a scene to the experiment: bounded least squares on rest states.
+    """Fit parameters of a scene to the experiment: bounded least squares on equilibria.
 
     Args:
         content: The scene; parameters start at its values.
-        parameters: What to fit, between their bounds.
+        parameters: Parameters to fit, between their bounds.
         start: Other starting values by path.
     """
     begin = [(start or {}).get(p.path, present(content, p)) for p in parameters]
@@ -117,7 +116,7 @@ def fit(
         try:
             seen = observe(content, {p.path: v for p, v in zip(parameters, x, strict=True)})
         except LdcsError:
-            return np.full(len(OBSERVATIONS), 1e3)  # no such rest state: the step is taken back
+            return np.full(len(OBSERVATIONS), 1e3)  # no such equilibrium: the step is taken back
         missed: np.ndarray = (seen - target()) / sigma()
         return missed
 
@@ -147,6 +146,6 @@ def slopes(content: dict[str, Any], parameters: Sequence[Parameter]) -> np.ndarr
         here = present(content, parameter)
         step = DIFFERENCE * parameter.spread
         above, below = min(here + step, parameter.high), max(here - step, parameter.low)
-        ahead, behind = (observe(content, {parameter.path: value}) for value in (above, below))
-        columns.append((ahead - behind) / (above - below))
+        upper, lower = (observe(content, {parameter.path: value}) for value in (above, below))
+        columns.append((upper - lower) / (above - below))
     return np.stack(columns, axis=1)

@@ -17,7 +17,7 @@ from ldcs_ros.validate import paper
 from ldcs_ros.validate.measure import Rest, at_rest
 from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS
 
-# The search for the torque: first guess, growth, and where it gives up [N m].
+# The search for the torque: first guess, growth, and its end [N m].
 FIRST_TORQUE, TORQUE_GROWTH, LARGEST_TORQUE = 0.02, 1.25, 2.0
 RADIUS_TOLERANCE = 1e-5  # of the radius
 
@@ -27,15 +27,15 @@ class ValidationError(LdcsError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class Case:
+class ComparedModel:
     """One column of the comparison.
 
     Attributes:
         name: Short name.
-        title: What it is, for people.
-        fitted: What was fitted, in words.
-        torque: Torque of each joint [N m]; None where no torque acts.
-        rest: The rest state.
+        title: Description.
+        fitted: Fitted quantities, in words.
+        torque: Torque of each joint [N m]; None without a torque.
+        rest: The equilibrium.
     """
 
     name: str
@@ -48,8 +48,8 @@ class Case:
 def as_printed(law: str, *, torque: float | None) -> dict[str, Any]:
     """Return the paper's test with every printed number and nothing else changed, as a scene.
 
-    Numbers that are not printed stand at the defaults of the effects; arms act on the border lines only, all
-    their joints are alike, and the payload hangs at the top node of P1.
+    Numbers that are not printed have the defaults of the effects. Arms act on the border lines only, and all their
+    joints are alike. The payload hangs at the top node of P1.
 
     Args:
         law: Spring law.
@@ -99,35 +99,39 @@ def torque_for_radius(scene_at: Callable[[float], dict[str, Any]], radius: float
     return float(brentq(excess, low, high, xtol=1e-7 * high, rtol=RADIUS_TOLERANCE))
 
 
-def printed_case(law: str) -> Case:
+def printed_case(law: str) -> ComparedModel:
     """Return the test as printed under a spring law, with the torque that gives the printed radius."""
     torque = torque_for_radius(lambda value: as_printed(law, torque=value))
     rest = at_rest(as_printed(law, torque=torque))
-    return Case(f"printed {law}", f"as printed, {law} springs", "torque to r = 0.115 m", torque, rest)
+    return ComparedModel(
+        f"printed {law}", f"as printed, {law} springs", "torque to r = 0.115 m", torque, rest
+    )
 
 
-def arc_case(law: str) -> Case:
+def arc_case(law: str) -> ComparedModel:
     """Return the test as printed with arms so stiff that both edges lie on the arc exactly."""
     rest = at_rest(as_printed(law, torque=None))
-    return Case(f"arc {law}", f"as printed, {law} springs, edges held on the arc", "nothing", None, rest)
+    return ComparedModel(
+        f"arc {law}", f"as printed, {law} springs, edges held on the arc", "nothing", None, rest
+    )
 
 
-def calibrated_case() -> Case:
+def calibrated_case() -> ComparedModel:
     """Return the shipped calibrated scene."""
     scene = load_scene(CALIBRATED)
     torque = finite_number(scene.inputs[-1].torque)
 
     names = ", ".join(parameter.short for parameter in PARAMETERS)
-    return Case("calibrated", "the calibrated twin", names, torque, at_rest(scene))
+    return ComparedModel("calibrated", "the calibrated twin", names, torque, at_rest(scene))
 
 
-def all_cases(tell: Callable[[float], None] = lambda share: None) -> list[Case]:
+def all_cases(progress: Callable[[float], None] = lambda fraction: None) -> list[ComparedModel]:
     """Return every case: (a) and (b) as printed under each law, the edges on the arc, (c) the calibrated twin.
 
     Args:
-        tell: Called with the share of the work that is done.
+        progress: Called with the fraction of the work that is done.
     """
-    makers: list[Callable[[], Case]] = [
+    makers: list[Callable[[], ComparedModel]] = [
         *(partial(printed_case, law) for law in LAWS),
         partial(arc_case, "axial"),
         calibrated_case,
@@ -135,5 +139,5 @@ def all_cases(tell: Callable[[float], None] = lambda share: None) -> list[Case]:
     cases = []
     for number, make in enumerate(makers, start=1):
         cases.append(make())
-        tell(number / len(makers))
+        progress(number / len(makers))
     return cases

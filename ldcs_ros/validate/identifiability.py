@@ -18,11 +18,11 @@ TORQUE = "inputs[0].torque"
 
 @dataclass(frozen=True)
 class Confidence:
-    """How well the fitted numbers are determined, from the Fisher information J^T S^-2 J.
+    """The confidence of the fitted numbers, from the Fisher information J^T S^-2 J.
 
     Attributes:
-        deviation: Standard deviation of each fitted parameter, SI, by short name; where the model misses the data by
-            more than their own scatter, scaled up by that (Birge ratio).
+        deviation: Standard deviation of each fitted parameter, SI, by short name. If the model misses the data by
+            more than their own scatter, the Birge ratio scales it up.
         correlation: Correlation matrix in the order of `PARAMETERS`.
         misfit: Sum of squared residuals over their standard deviations.
         freedom: Data less fitted parameters.
@@ -51,12 +51,12 @@ def confidence(content: dict[str, Any], seen: np.ndarray) -> Confidence:
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of open parameters and how strongly the data speak about it.
+    """A combination of open parameters and the strength with which the data determine it.
 
     Attributes:
-        strength: Change of the data in standard deviations when one walks one plausible range along it; below 1
-            the data do not tell it.
-        weights: Share of each parameter, in plausible ranges, by short name; unit length.
+        strength: Change of the data in standard deviations for one plausible range along it; below 1 the data do not
+            determine it.
+        weights: Weight of each parameter, in plausible ranges, by short name; unit length.
     """
 
     strength: float
@@ -77,10 +77,10 @@ def directions(content: dict[str, Any]) -> list[Direction]:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one parameter does to the data when it moves by its plausible range.
+    """The change of the data when one parameter changes by its plausible range.
 
     Attributes:
-        parameter: Which.
+        parameter: The parameter.
         alone: Change of (P0 x, P0 z, P1 x, P1 z, r) with all else kept [mm], shape (5,).
         held: The same with the torque adjusted so that the radius stays, as in the experiment [mm], shape (5,).
     """
@@ -114,9 +114,9 @@ class Structure:
     """A discrete reading of the test that was tried with the same fitted numbers.
 
     Attributes:
-        title: What differs from the calibrated scene.
+        title: Difference to the calibrated scene.
         changes: Values by path.
-        parameters: What is fitted.
+        parameters: Fitted parameters.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""What is read off a rest state: displacement of the points, radius of the actuated edges."""
+"""The measured quantities of an equilibrium: displacement of the points, radius of the actuated edges."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ RADIUS_METHOD = (
 
 @dataclass(frozen=True)
 class Rest:
-    """A scene at rest.
+    """A scene at its equilibrium.
 
     Attributes:
         displacement: From the flat sheet, in ldcs_base [mm], shape (3,), by point.
         radius: Of the actuated edges [m], by `RADIUS_METHOD`; negative if they bend down.
         roundness: Root mean square distance of the edges' mid-lines from their circles [m].
         position: Node positions [m], shape (n_nodes, 3).
-        simulation: The simulation at rest.
+        simulation: The simulation at its equilibrium.
     """
 
     displacement: dict[str, np.ndarray]
@@ -38,7 +38,7 @@ class Rest:
 
 
 def at_rest(content: dict[str, Any] | Scene) -> Rest:
-    """Return the rest state of a scene.
+    """Return a scene's equilibrium.
 
     Raises:
         DivergenceError: It has none that the static solver finds.
@@ -61,7 +61,7 @@ def at_rest(content: dict[str, Any] | Scene) -> Rest:
 
 
 def displacement(simulation: Simulation) -> dict[str, np.ndarray]:
-    """Return how far each named point is from its place in the flat sheet [mm], shape (3,), by name."""
+    """Return the displacement of each named point from the flat sheet [mm], shape (3,), by name."""
     now, flat = simulation.state.position, simulation.lattice.reference_position
     return {
         name: MM * (point.position(now) - point.position(flat)) for name, point in simulation.points.items()

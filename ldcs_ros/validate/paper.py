@@ -1,4 +1,4 @@
-"""What the paper prints about its test: Table I, the radius, the material; and what this twin reached."""
+"""The paper's numbers of its test (Table I, the radius, the material), and the errors of this twin."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXPERIMENT = {"P0": (-2.0, 0.0, 18.2), "P1": (-22.9, 0.0, 68.7)}
 
 
 class Committed(NamedTuple):
-    """Errors of the shipped calibrated scene against the experiment [mm], kept to see whether they grow."""
+    """Errors of the shipped calibrated scene against the experiment [mm], against which later ones are compared."""
 
     P0: tuple[float, float, float]
     P1: tuple[float, float, float]

@@ -18,11 +18,11 @@ class Parameter:
 
     Attributes:
         short: Name for tables.
-        path: Where it stands in the scene.
+        path: Its path in the scene.
         unit: SI unit.
-        low, high: Bounds of what is physical.
-        spread: What one would believe without the data: half the width of the plausible range.
-        origin: Why these bounds.
+        low, high: Physical bounds.
+        spread: Half the width of the plausible range, as believed without the data.
+        origin: Reason of the bounds.
     """
 
     short: str
@@ -49,8 +49,8 @@ PARAMETERS = (
     ),
 )  # fmt: skip
 
-# Everything else that the paper leaves open, as it stands in the scene; k and the payload's height are there to
-# show what other readings of the text would change.
+# All other parameters that the paper leaves open, with their values in the scene. k and the payload's height show the
+# effect of other readings of the text.
 OPEN = (
     Parameter("base joint share", "effects.arms.base_joint_share", "", 0.25, 4.0, 0.5, "1: all joints alike"),
     Parameter("stiff base", "effects.arms.rigid_base", "m", 0.0, 0.017, 0.005, "0: bends from the clamp on"),

@@ -29,9 +29,9 @@ from ldcs_ros.validate.measure import Rest
 from ldcs_ros.validate.tables import plausible_range, signed
 from ldcs_ros.validate.transient import Damped, Transient
 
-# (elevation, azimuth) [deg]: as in the paper's Figure 5 a, from behind the clamp, and b, from the side.
 # A parameter whose effect the held radius cancels moves by rounding alone; the labels show 0.1 mm.
 _VISIBLE = 1e-6  # mm
+# (elevation, azimuth) [deg]: as in the paper's Figure 5 a, from the side of the clamp, and b, from the side edge.
 VIEWS = (("a", 24.0, -125.0), ("b", 8.0, -72.0))
 
 
@@ -65,7 +65,7 @@ def transient_figure(transient: Transient, title: str) -> Figure:
         axes = figure.add_subplot(grid[number])
         labels = []
         for which, (axis, colour) in enumerate(AXIS_COLOURS.items()):
-            track = transient.moved[name][:, which]
+            track = transient.displacement[name][:, which]
             axes.plot(transient.time, track, color=colour, linewidth=1.7)
             axes.axhline(paper.EXPERIMENT[name][which], color=colour, linewidth=1.0, linestyle=(0, (5, 4)))
             labels.append((float(track[-1]), f"{axis}  {signed(track[-1], 1)} mm", colour))
@@ -86,7 +86,7 @@ def damping_figure(runs: Sequence[Damped], title: str) -> Figure:
     axes = figure.add_axes((0.1, 0.14, 0.73, 0.66))
     labels = []
     for run, colour in zip(runs, LINE_COLOURS, strict=False):
-        track = run.transient.moved["P1"][:, 2]
+        track = run.transient.displacement["P1"][:, 2]
         axes.plot(run.transient.time, track, color=colour, linewidth=1.5)
         labels.append((float(track[-1]), f"c = {run.damping:g} N s/m", colour))
     axes.axhline(paper.EXPERIMENT["P1"][2], color=SOFT_INK, linewidth=1.0, linestyle=(0, (5, 4)))
@@ -100,7 +100,7 @@ def damping_figure(runs: Sequence[Damped], title: str) -> Figure:
 
 
 def tornado_figure(found: Sequence[Sensitivity], title: str) -> Figure:
-    """Draw what each parameter does to P0 and P1 when it moves by its plausible range at a held radius."""
+    """Draw the change of P0 and P1 when each parameter changes by its plausible range at a held radius."""
     shown = [item for item in found if np.abs(item.held[:4]).max() > _VISIBLE]
     figure = new_figure(9.6, 0.34 * len(shown) + 1.5)
     names = ("P0 x", "P0 z", "P1 x", "P1 z")

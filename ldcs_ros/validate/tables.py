@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.calibration import OBSERVATIONS, Fit, target
-from ldcs_ros.validate.cases import Case
+from ldcs_ros.validate.cases import ComparedModel
 from ldcs_ros.validate.identifiability import Confidence, Direction, Sensitivity, Structure
 from ldcs_ros.validate.parameters import Parameter
 from ldcs_ros.validate.transient import Damped
@@ -17,7 +17,7 @@ Rows = list[list[str]]
 
 
 def signed(value: float, digits: int) -> str:
-    """Return a number with sign and a fixed number of digits; what rounds to zero has no sign."""
+    """Return a number with sign and a fixed number of digits; a rounded zero has no sign."""
     rounded = round(float(value), digits)
     return f"{rounded:+.{digits}f}" if rounded else f"{0.0:.{digits}f}"
 
@@ -33,7 +33,7 @@ def quantity(value: float, unit: str, digits: int = 4) -> str:
     return f"{scale * value:.{digits}g} {shown}".strip()
 
 
-def table_one(case: Case) -> Rows:
+def table_one(case: ComparedModel) -> Rows:
     """Return Table I with a case in its first column [mm]: head, then a row a point and axis."""
     rows = [["", "ours", "paper's model", "experiment", "our error", "paper's error"]]
     ours = paper.errors(case.rest.displacement)
@@ -53,7 +53,7 @@ def table_one(case: Case) -> Rows:
     return rows
 
 
-def comparison(cases: Sequence[Case]) -> Rows:
+def comparison(cases: Sequence[ComparedModel]) -> Rows:
     """Return a row a model: errors against the experiment [mm], the largest, radius, torque."""
     rows = [["model", "P0 ux", "P0 uz", "P1 ux", "P1 uz", "worst", "r [mm]", "joint torque"]]
     for case in cases:
@@ -111,7 +111,7 @@ def profiled(parameter: Parameter, found: Sequence[tuple[float, Fit]]) -> Rows:
 
 def directions(found: Sequence[Direction], count: int = 6) -> Rows:
     """Return a row a direction: strength, and the parameters that it mixes."""
-    rows = [["strength", "told by the data", "direction (shares of plausible ranges)"]]
+    rows = [["strength", "told by the data", "direction (in plausible ranges)"]]
     for item in found[:count]:
         parts = sorted(item.weights.items(), key=lambda pair: -abs(pair[1]))
         words = ", ".join(f"{signed(weight, 2)} {name}" for name, weight in parts if abs(weight) > 0.2)

@@ -1,4 +1,4 @@
-"""The motion in time (the paper's Figure 8): how fast it settles, and what the damping c does to accuracy and cost."""
+"""The motion in time (the paper's Figure 8): its settling, and the effect of the damping c on accuracy and cost."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.schema.paths import get_number, with_values
 from ldcs_ros.validate.measure import MM, at_rest, displacement
 
-DURATION, RATE = 3.0, 200  # s, samples a second
-TIGHT = 0.01  # share of the asked accuracy at which the reference run of an error is made
+DURATION, RATE = 3.0, 200  # s, samples per second
+TIGHT = 0.01  # fraction of the accuracy at which the reference run of an error is made
 SETTLED = 0.1  # mm: the tracker's accuracy
 DAMPINGS = (0.05, 0.5, 1.6, 5.0, 16.0)  # N s/m
 DAMPERS = ("effects.springs.damping", "effects.arms.joint_damping", "effects.arms.coupling_damping")
@@ -25,7 +25,7 @@ class Transient:
 
     Attributes:
         time: Sample times [s], shape (n,).
-        moved: Displacement of each point [mm], shape (n, 3), by name.
+        displacement: Displacement of each point [mm], shape (n, 3), by name.
         settling: Time after which every point stays within `SETTLED` of its rest place [s]; infinite if never.
         overshoot: Largest distance beyond the rest place along z of any point [mm].
         steps: Steps taken, rejected ones included.
@@ -33,7 +33,7 @@ class Transient:
     """
 
     time: np.ndarray
-    moved: dict[str, np.ndarray]
+    displacement: dict[str, np.ndarray]
     settling: float
     overshoot: float
     steps: int
@@ -45,12 +45,12 @@ def simulate(scene: Scene, *, duration: float = DURATION) -> Transient:
     rest = at_rest(scene).displacement
     simulation = scene.build()
     time = np.arange(round(duration * RATE) + 1) / RATE
-    moved: dict[str, list[np.ndarray]] = {name: [] for name in simulation.points}
+    moves: dict[str, list[np.ndarray]] = {name: [] for name in simulation.points}
     for instant in time:
         simulation.advance_to(float(instant))
         for name, shift in displacement(simulation).items():
-            moved[name].append(shift)
-    tracks = {name: np.array(shifts) for name, shifts in moved.items()}
+            moves[name].append(shift)
+    tracks = {name: np.array(shifts) for name, shifts in moves.items()}
     away = np.max([np.linalg.norm(track - rest[name], axis=1) for name, track in tracks.items()], axis=0)
     beyond = max(
         float(np.max(np.sign(rest[name][2]) * (track[:, 2] - rest[name][2])))
@@ -93,12 +93,12 @@ def sweep(content: dict[str, Any], dampings: Sequence[float] = DAMPINGS) -> Iter
         transient = simulate(scene)
         exact = simulate(scene.with_accuracy(TIGHT * float(scene.solver.accuracy or 1e-5)))
         gap = max(
-            float(np.linalg.norm(transient.moved[name] - exact.moved[name], axis=1).max())
-            for name in transient.moved
+            float(np.linalg.norm(transient.displacement[name] - exact.displacement[name], axis=1).max())
+            for name in transient.displacement
         )
         yield Damped(damping, transient, gap / MM)
 
 
 def time_constant(content: dict[str, Any]) -> float:
-    """Return c / k of the sheet's springs [s]: how slowly a stretched spring creeps back against its own damper."""
+    """Return c / k of the sheet's springs [s], in which a stretched spring creeps back against its own damper."""
     return get_number(content, DAMPERS[0]) / get_number(content, "effects.springs.stiffness")

@@ -1,4 +1,4 @@
-"""What a kill, a cut or a bad disk leaves is mended; what is sound is left alone."""
+"""A bag left by a kill, a cut or a bad disk is repaired; a sound one is left untouched."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def test_no_room_for_the_mended_file_leaves_the_old_one_as_it_was(tmp_path, monk
     file.write_bytes(file.read_bytes()[:-1])
     before = file.read_bytes()
     monkeypatch.setattr("ldcs_ros.bags.bag_file.open_new", lambda path: open("/dev/full", "wb"))
-    with pytest.raises(RecordingError, match="No space left.*it is as it was"):
+    with pytest.raises(RecordingError, match="No space left.*it is unchanged"):
         recover(tmp_path / "bag")
     assert file.read_bytes() == before
     assert sorted(path.name for path in file.parent.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
@@ -235,7 +235,7 @@ def test_what_cannot_be_mended_is_said_in_one_line(tmp_path):
     (tmp_path / "folder").mkdir()
     for path, reason in (
         (tmp_path / "none", "no bag at"),
-        (tmp_path / "folder", "has no .mcap file to mend"),
+        (tmp_path / "folder", "has no .mcap file to repair"),
         (tmp_path / "empty.mcap", "does not begin like an MCAP file"),
     ):
         with pytest.raises(RecordingError, match=reason) as caught:

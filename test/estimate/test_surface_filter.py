@@ -158,7 +158,7 @@ def test_the_reduced_model_rests_where_the_full_one_does():
         full.inputs.set_pressure((1.1 * pressure, 0.9 * pressure))
         full.settle()
         theta = np.array([gain, 9.81 * load, stiffness])
-        at_rest = reduced.rest(np.array([1.1 * pressure, 0.9 * pressure]), theta)
+        at_rest = reduced.equilibrium(np.array([1.1 * pressure, 0.9 * pressure]), theta)
         assert rms(reduced.position(at_rest), full.state.position) < 0.2
     assert NOMINAL.tolist() == [1.0, 0.0, 1.0]
 
@@ -166,7 +166,7 @@ def test_the_reduced_model_rests_where_the_full_one_does():
 def test_slopes_are_the_derivatives_of_the_force():
     reduced = ReducedModel(load_scene("rig"), "P1", modes=8)
     pressure, theta = np.array([80e3, 70e3]), np.array([0.9, 0.1, 1.1])
-    a = reduced.rest(pressure, np.array([0.9, 0.1, 1.0]))
+    a = reduced.equilibrium(pressure, np.array([0.9, 0.1, 1.0]))
     v = np.full(reduced.n, 1e-3)
     by_a, by_v, by_theta = reduced.slopes(a, v, pressure, np.array([0.9, 0.1, 1.0]))
     base = reduced.force(a, v, pressure, np.array([0.9, 0.1, 1.0]))

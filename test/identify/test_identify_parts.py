@@ -53,7 +53,7 @@ def test_shares_and_values_are_inverse_and_slopes_are_their_slopes(low, high):
         ("effects.springs.stiffness=90..100", "not in 90"),
         ("effects.springs.stiffness=100..90", "low first"),
         ("effects.springs.stiffness=a..b", "cannot read the bounds"),
-        ("inputs[0].pressure", "fit what it does"),
+        ("inputs[0].pressure", "fit their effect"),
     ],
 )
 def test_a_parameter_that_cannot_be_fitted_is_refused(content, text, words):

@@ -77,7 +77,7 @@ def test_p0_and_p1_settle_within_the_papers_seconds():
     rest = at_rest(load_scene(CALIBRATED)).displacement
     assert 0.3 < motion.settling < 2.0
     assert motion.overshoot < 15.0
-    for name, track in motion.moved.items():
+    for name, track in motion.displacement.items():
         assert np.abs(track[:, 1]).max() < 1e-6  # mm
         np.testing.assert_allclose(track[-1], rest[name], atol=0.05)
     assert pictures.transient_figure(motion, "a title").axes

@@ -51,7 +51,7 @@ def test_an_error_that_grows_by_0_05_mm_is_told(calibrated):
 
 def test_validate_prints_one_json_object_and_the_readme_has_its_tables(capsys, monkeypatch, tmp_path):
     found = cases.all_cases()  # the searches take seconds: once for all that follows
-    monkeypatch.setattr(cases, "all_cases", lambda tell: found)
+    monkeypatch.setattr(cases, "all_cases", lambda progress: found)
     assert main(["validate", "--json", "-o", str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["cases"]["printed axial"]["radius"] == pytest.approx(0.115, abs=1e-6)
