@@ -15,7 +15,7 @@ TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PATHS}
 # The numbers reached; lower them with the code, never raise them.
 MAX_ANY = 152
 MAX_PRIVATE_ACCESS = 11
-MAX_CLASSES_OF_ONE_NAME = 3
+MAX_CLASSES_OF_ONE_NAME = 2
 MAX_OLD_NAMES = 60
 MAX_UNTYPED_CENTRAL = 0
 
