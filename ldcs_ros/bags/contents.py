@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import struct
-import zlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from textwrap import indent
+from typing import IO
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
-from ldcs_ros.bags.bag_file import CUSTOM_DATA_RECORD, SUMMARY_RECORD, BagFile
-from ldcs_ros.bags.metadata import FileSummary, bag_information, parse_foreign_yaml, topic_summary
-from ldcs_ros.bags.scan import Scan
+from ldcs_ros.bags.bag_file import SUMMARY_RECORD, BagFile
+from ldcs_ros.bags.mcap_file import CUSTOM_DATA_RECORD, McapFile
+from ldcs_ros.bags.metadata import ROOT_KEY, BagCard, FileSummary, bag_information, parse_card, topic_summary
+from ldcs_ros.bags.scan import Scan, read_index
 from ldcs_ros.bags.schemas import ROS_DISTRO
-
-_FOOTER = struct.Struct("<BQQQI8s")
-"""Opcode, length, start of the summary, start of its offsets, checksum, closing mark."""
-_SUMMED_FOOTER = 1 + 8 + 8 + 8
-"""Bytes of the footer that its checksum covers."""
+from ldcs_ros.errors import RecordingError
 
 
 @dataclass
@@ -41,6 +35,7 @@ class Contents:
         ros_distro: Distribution that recorded it, '' when the file does not say.
         dropped: Bytes that cannot be used [bytes].
         sound: The file is whole and its index agrees with it.
+        known: Places of the chunks that its index names, ascending.
     """
 
     profile: str | None = None
@@ -53,6 +48,7 @@ class Contents:
     ros_distro: str = ""
     dropped: int = 0
     sound: bool = False
+    known: tuple[int, ...] = ()
 
     def add(self, record: McapRecord) -> None:
         """Count a record; a message whose channel was lost is dropped."""
@@ -78,14 +74,15 @@ class Contents:
             self.ros_distro = self.ros_distro or ROS_DISTRO
         elif record.name == SUMMARY_RECORD:
             self.ros_distro = record.metadata.get("ROS_DISTRO", self.ros_distro)
-            self.add_information(_mapping(record.metadata.get("serialized_metadata", "")))
+            text = f"{ROOT_KEY}:\n" + indent(record.metadata.get("serialized_metadata", ""), "  ")
+            with suppress(RecordingError):
+                self.add_card(parse_card(text, SUMMARY_RECORD))
 
-    def add_information(self, information: dict[str, Any]) -> None:
+    def add_card(self, card: BagCard) -> None:
         """Add values of metadata.yaml that the records lack."""
-        custom_data = information.get("custom_data")
-        if not self.custom_data and isinstance(custom_data, dict):
-            self.custom_data = {str(key): str(value) for key, value in custom_data.items()}
-        self.ros_distro = self.ros_distro or str(information.get("ros_distro") or "")
+        self.custom_data = self.custom_data or card.custom_data
+        distro = card.content.get("ros_distro")
+        self.ros_distro = self.ros_distro or (distro if isinstance(distro, str) else "")
 
     def summary(self, name: str) -> FileSummary:
         """Return the file as metadata.yaml lists it."""
@@ -105,15 +102,18 @@ class Contents:
         return schema.name if schema else ""
 
 
-def read_contents(stream: IO[bytes], size: int, progress: Callable[[int], None] | None = None) -> Contents:
+def read_contents(
+    path: Path, stream: IO[bytes], size: int, progress: Callable[[int], None] | None = None
+) -> Contents:
     """Read a file of some length [bytes] once and compare it with its own index."""
+    index = read_index(stream, size)
+    contents = Contents(schemas=dict(index.schemas), channels=dict(index.channels), known=index.chunks)
     stream.seek(0)
-    scan = Scan(stream, size, progress)
-    contents = Contents()
+    scan = Scan(stream, size, progress, contents.known)
     for record in scan:
         contents.add(record)
     contents.dropped += scan.dropped
-    contents.sound = scan.finished and not contents.dropped and _index_agrees(stream, contents)
+    contents.sound = scan.finished and not contents.dropped and _index_agrees(path, contents)
     return contents
 
 
@@ -143,14 +143,20 @@ def write_copy(
     try:
         file.add_metadata(CUSTOM_DATA_RECORD, contents.custom_data)
         ids: dict[int, int] = {}
-        for record in Scan(stream, size, progress):
-            if isinstance(record, Channel) and record.id not in ids:
-                ids[record.id] = file.add_channel(
-                    record.topic, record.message_encoding, contents.schema(record), record.metadata
+
+        def own(channel: Channel) -> int:
+            if channel.id not in ids:
+                ids[channel.id] = file.add_channel(
+                    channel.topic, channel.message_encoding, contents.schema(channel), channel.metadata
                 )
-            elif isinstance(record, Message) and record.channel_id in ids:
+            return ids[channel.id]
+
+        for record in Scan(stream, size, progress, contents.known):
+            if isinstance(record, Channel):
+                own(record)
+            elif isinstance(record, Message) and record.channel_id in contents.channels:
                 file.add_message(
-                    ids[record.channel_id],
+                    own(contents.channels[record.channel_id]),
                     record.data,
                     record.log_time,
                     publish_time=record.publish_time,
@@ -169,35 +175,13 @@ def write_copy(
     return summary
 
 
-def _index_agrees(stream: IO[bytes], contents: Contents) -> bool:
-    """Return whether the index agrees with the records."""
+def _index_agrees(path: Path, contents: Contents) -> bool:
+    """Return whether readers that trust the index see all messages."""
     try:
-        if not _summary_is_right(stream):
-            return False
-        stream.seek(0)
-        index = make_reader(stream).get_summary()
-    except (McapError, ValueError, OSError, struct.error):
+        file = McapFile(path, "")
+        deque(file.messages(frozenset(file.channels)), maxlen=0)
+    except RecordingError:
         return False
-    return (
-        index is not None
-        and index.statistics is not None
-        and index.statistics.message_count == contents.counts.total()
-        and index.channels.keys() >= contents.channels.keys()
-    )
-
-
-def _summary_is_right(stream: IO[bytes]) -> bool:
-    """Return whether the summary has the checksum of the footer; writers may leave it out (0)."""
-    end = stream.seek(-_FOOTER.size, os.SEEK_END)
-    footer = stream.read()
-    _, _, start, _, checksum, _ = _FOOTER.unpack(footer)
-    if not 0 < start <= end:
-        return False
-    stream.seek(start)
-    summary = stream.read(end - start)
-    return bool(checksum == 0 or zlib.crc32(summary + footer[:_SUMMED_FOOTER]) == checksum)
-
-
-def _mapping(text: str) -> dict[str, Any]:
-    content = parse_foreign_yaml(text)
-    return content if isinstance(content, dict) else {}
+    return not file.index_is_damaged and {id: c.count for id, c in file.channels.items()} == {
+        id: contents.counts[id] for id in contents.channels
+    }

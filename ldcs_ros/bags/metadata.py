@@ -10,7 +10,9 @@ from typing import Any
 
 import yaml
 
+from ldcs_ros.bags.limits import LARGEST_METADATA, check_regular
 from ldcs_ros.bags.schemas import ROS_DISTRO
+from ldcs_ros.errors import RecordingError, one_line
 
 FILE_NAME = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
@@ -35,6 +37,73 @@ class TopicSummary:
     qos: Sequence[Mapping[str, object]]
     type_hash: str
     count: int
+
+
+@dataclass(frozen=True)
+class BagCard:
+    """What metadata.yaml says, each value as the text in the file.
+
+    Attributes:
+        content: Its keys below the root key.
+        files: Names of the bag's files, in their order; paths of older versions lose their folders.
+        compression: `file`, `message` or ''; what is compressed.
+        custom_data: Texts by name.
+    """
+
+    content: Mapping[str, object]
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        listed = self.content.get("relative_file_paths")
+        return (
+            tuple(Path(name).name for name in listed if isinstance(name, str))
+            if isinstance(listed, list)
+            else ()
+        )
+
+    @property
+    def compression(self) -> str:
+        mode = self.content.get("compression_mode")
+        return mode.lower() if isinstance(mode, str) and mode.lower() != "none" else ""
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        said = self.content.get("custom_data")
+        return {str(k): v for k, v in said.items() if isinstance(v, str)} if isinstance(said, dict) else {}
+
+
+def parse_card(text: str, origin: str) -> BagCard:
+    """Return what the text of a metadata.yaml says; no value is interpreted, so that no value can be mistaken.
+
+    Raises:
+        RecordingError: It is no YAML, or has not the root key.
+    """
+    try:
+        content = yaml.load(text, Loader=yaml.BaseLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise RecordingError(f"{origin} is no valid YAML: {one_line(error)[:200]}") from error
+    information = content.get(ROOT_KEY) if isinstance(content, dict) else None
+    if not isinstance(information, dict):
+        raise RecordingError(f"{origin} has no block {ROOT_KEY!r}")
+    return BagCard(information)
+
+
+def read_card(folder: Path) -> BagCard:
+    """Return what the metadata.yaml of a bag folder says.
+
+    Raises:
+        RecordingError: It cannot be read, is larger than bounds allow, or says nothing.
+    """
+    path = folder / FILE_NAME
+    size = check_regular(path)
+    if size > LARGEST_METADATA:
+        raise RecordingError(f"{path} has {size} bytes, expected at most {LARGEST_METADATA}")
+    try:
+        return parse_card(path.read_text(encoding="utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"{path} cannot be read: {one_line(error)}") from error
 
 
 def parse_foreign_yaml(text: str) -> object:
@@ -76,7 +145,11 @@ class FileSummary:
 
 
 def bag_information(
-    files: Sequence[FileSummary], custom_data: Mapping[str, str], *, ros_distro: str = ROS_DISTRO
+    files: Sequence[FileSummary],
+    custom_data: Mapping[str, str],
+    *,
+    ros_distro: str = ROS_DISTRO,
+    packed_messages: bool = False,
 ) -> dict[str, Any]:
     """Return the content of metadata.yaml without its root key; it always has all fields."""
     filled = [file for file in files if file.count]
@@ -101,8 +174,8 @@ def bag_information(
             }
             for topic in _merged(files)
         ],
-        "compression_format": "",
-        "compression_mode": "",
+        "compression_format": "zstd" if packed_messages else "",
+        "compression_mode": "MESSAGE" if packed_messages else "",
         "relative_file_paths": [file.name for file in files],
         "files": [
             {

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
+import heapq
 import os
+import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import cast
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.interfaces import Connection, ConnectionExtRosbag2
-from rosbags.rosbag2 import Reader, ReaderError
+import zstandard
 
-from ldcs_ros.bags.bag_file import CUSTOM_DATA_RECORD
-from ldcs_ros.bags.metadata import FILE_NAME, ROOT_KEY, parse_foreign_yaml
+from ldcs_ros.bags import mcap_file, sqlite3_file
+from ldcs_ros.bags.limits import LARGEST_CHUNK, check_regular, unpack
+from ldcs_ros.bags.mcap_file import McapFile
+from ldcs_ros.bags.metadata import FILE_NAME, BagCard, read_card
 from ldcs_ros.bags.recording import Decoder, Message, Recording
-from ldcs_ros.bags.schemas import Schemas
-from ldcs_ros.bags.topics import Qos, TopicInfo
+from ldcs_ros.bags.sqlite3_file import Sqlite3File
+from ldcs_ros.bags.storage import Definition, StorageFile, StoredChannel
+from ldcs_ros.bags.topics import TopicInfo
+from ldcs_ros.bags.types import BagTypes
 from ldcs_ros.errors import RecordingError, one_line
 
-MAGIC = b"\x89MCAP0\r\n"
 STORAGE_SUFFIXES = (".mcap", ".db3")
+PACKED_SUFFIX = ".zstd"
+SMALLEST_BOUND = 2**28
+LARGEST_RATIO = 50
+"""A packed file may unpack to SMALLEST_BOUND, or to LARGEST_RATIO times its size."""
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:
     """Open a bag; its messages are read on demand.
+
+    A channel that holds no ROS 2 messages, and a file that metadata.yaml does not list, are left out with a note.
 
     Args:
         path: Bag folder (with metadata.yaml), .mcap file or .db3 file.
@@ -36,127 +43,186 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
         RecordingError: Nothing there, not a bag, cut off before its end, or damaged; here or while reading.
     """
     bag = Path(path)
-    _check_whole(bag)
-    with _opened(bag) as reader:
+    with _one_line(bag):
+        card, files, notes = _contents(bag)
+        source = _Bag(bag, files, card.compression == "message")
         topics: dict[str, TopicInfo] = {}
         counts: dict[str, int] = {}
-        for connection in reader.connections:
-            known = topics.setdefault(connection.topic, TopicInfo(connection.msgtype, _qos(connection)))
-            if known.type != connection.msgtype:
+        for channel in source.channels:
+            known = topics.setdefault(channel.topic, channel.info)
+            if known.type != channel.info.type:
                 raise RecordingError(
-                    f"{bag}: topic {connection.topic} carries two types, {known.type} and "
-                    f"{connection.msgtype}; a recording has one type on a topic"
+                    f"{bag}: topic {channel.topic} carries two types, {known.type} and "
+                    f"{channel.info.type}; a recording has one type on a topic"
                 )
-            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-        empty = reader.message_count == 0
-        start, end = (0, 0) if empty else (reader.start_time, reader.end_time - 1)
-    return Recording(str(bag), topics, counts, _custom_data(bag), start, end, _Bag(bag))
+            counts[channel.topic] = counts.get(channel.topic, 0) + channel.count
+        foreign = source.foreign
+        if foreign and not topics:
+            raise RecordingError(f"{bag} holds no ROS 2 messages, only {', '.join(foreign)}")
+        if foreign:
+            notes.append(f"left out, since they hold no ROS 2 messages: {', '.join(foreign)}")
+        filled = [file for file in source.files if file.end or any(c.count for c in file.channels.values())]
+        start, end = min((f.start for f in filled), default=0), max((f.end for f in filled), default=0)
+        total = sum(channel.count for file in source.files for channel in file.channels.values())
+        said = card.content.get("message_count")
+        if said is not None and said != str(total):
+            notes.append(f"{FILE_NAME} counts {str(said)[:20]} messages, the files hold {total}")
+    custom_data = card.custom_data
+    for file in source.files:
+        custom_data = custom_data or dict(file.custom_data)
+    return Recording(str(bag), topics, counts, custom_data, start, end, source, tuple(notes))
 
 
+@dataclass(frozen=True)
 class _Bag:
-    """Messages read again from the files at each pass."""
+    """The files of a bag; messages are read again from them at each pass."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    path: Path
+    files: tuple[StorageFile, ...]
+    packed_messages: bool
+
+    @property
+    def channels(self) -> list[StoredChannel]:
+        """The channels with ROS 2 messages, of all files."""
+        return [channel for file in self.files for channel in file.channels.values() if channel.is_ros]
+
+    @property
+    def foreign(self) -> list[str]:
+        """The other channels, in words."""
+        return sorted(
+            {
+                f"{channel.topic[:100]} ({channel.encoding[:20] or 'no encoding'}"
+                f"{'' if channel.encoding != 'cdr' else ' without a ROS 2 type'})"
+                for file in self.files
+                for channel in file.channels.values()
+                if not channel.is_ros
+            }
+        )
 
     @cached_property
     def decoder(self) -> Decoder:
-        """Types as the bag defines them; ROS 2 Kilted defines the others."""
-        known = Schemas().typestore
-        try:
-            with AnyReader([self._path], default_typestore=known) as reader:
-                types = reader.typestore
-        except (AnyReaderError, ReaderError, OSError) as error:
-            raise RecordingError(f"{self._path}: unreadable message types: {one_line(error)}") from error
-        missing = known.fielddefs.keys() - types.fielddefs.keys()
-        types.register({name: known.fielddefs[name] for name in missing})
-        return types
+        definitions: dict[str, list[Definition]] = {}
+        for channel in self.channels:
+            known = definitions.setdefault(channel.info.type, [])
+            if channel.definition not in known:
+                known.append(channel.definition)
+        return BagTypes(str(self.path), definitions)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
-        with _opened(self._path) as reader:
-            wanted = [c for c in reader.connections if topics is None or c.topic in topics]
-            if wanted:  # rosbags takes an empty list for all
-                for connection, time, data in reader.messages(wanted):
-                    yield Message(connection.topic, connection.msgtype, bytes(data), time)
+        with _one_line(self.path):
+            yield from heapq.merge(
+                *(self._of_file(file, topics) for file in self.files), key=lambda message: message.time
+            )
+
+    def _of_file(self, file: StorageFile, topics: Collection[str] | None) -> Iterator[Message]:
+        wanted = {
+            id: channel
+            for id, channel in file.channels.items()
+            if channel.is_ros and (topics is None or channel.topic in topics)
+        }
+        for time, id, data in file.messages(frozenset(wanted)) if wanted else ():
+            info = wanted[id].info
+            cdr = _unpacked(data) if self.packed_messages else data
+            yield Message(wanted[id].topic, info.type, cdr, time)
 
 
 @contextmanager
-def _opened(bag: Path) -> Iterator[Reader]:
-    """Return a rosbags reader whose many kinds of errors leave as one."""
+def _one_line(bag: Path) -> Iterator[None]:
+    """The boundary of all parsers of bags: trouble of any kind leaves as one RecordingError."""
     try:
-        with Reader(bag) as reader:
-            yield reader
+        yield
     except RecordingError:
         raise
+    except MemoryError as error:
+        raise RecordingError(f"{bag} needs more memory than there is") from error
     except Exception as error:  # damage may break decompression, parsing or SQL, each with errors of its own
-        raise RecordingError(
-            f"{bag} is damaged or no ROS 2 bag: {one_line(error)}; `ldcs recover {bag}` may repair an MCAP bag"
-        ) from error
+        raise RecordingError(f"{bag} is damaged or no ROS 2 bag: {one_line(error)[:200]}") from error
 
 
-def _check_whole(bag: Path) -> None:
-    """Raise the error for a path that is no complete bag, before any reader opens it."""
+def _contents(bag: Path) -> tuple[BagCard, tuple[StorageFile, ...], list[str]]:
+    """Return what metadata.yaml says, the files that it lists, and notes."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder, a .mcap file or a .db3 file")
-    if bag.is_file():
+    if not bag.is_dir():
         if bag.suffix not in STORAGE_SUFFIXES:
             raise RecordingError(f"{bag} is no bag; expected a bag folder, a .mcap file or a .db3 file")
-        files = [bag]
-    else:
-        files = sorted(file for file in bag.iterdir() if file.suffix in STORAGE_SUFFIXES)
-        if not (bag / FILE_NAME).exists():
-            if not files:
-                raise RecordingError(f"{bag} is no bag: it has no {FILE_NAME} and no .mcap or .db3 file")
-            repair = "ldcs recover" if files[0].suffix == ".mcap" else "ros2 bag reindex"
-            raise RecordingError(f"{bag} was not closed: it has no {FILE_NAME}; run `{repair} {bag}`")
-    for file in files:
-        if file.suffix == ".mcap":
-            _check_marks(file, bag)
-
-
-def _check_marks(file: Path, bag: Path) -> None:
-    """Check the mark at the beginning and at the end of an MCAP file."""
+        return BagCard({}), (_open(bag, bag),), []
+    here = sorted(file.name for file in bag.iterdir() if _is_storage(file))
+    if not (bag / FILE_NAME).exists():
+        if not here:
+            raise RecordingError(f"{bag} is no bag: it has no {FILE_NAME} and no .mcap or .db3 file")
+        repair = "ldcs recover" if here[0].endswith(".mcap") else "ros2 bag reindex"
+        raise RecordingError(f"{bag} was not closed: it has no {FILE_NAME}; run `{repair} {bag}`")
     try:
-        with open(file, "rb") as stream:
-            opening = stream.read(len(MAGIC))
-            size = stream.seek(0, os.SEEK_END)
-            stream.seek(max(len(opening), size - len(MAGIC)))
-            closing = stream.read()
-    except OSError as error:
-        raise RecordingError(f"{file} cannot be read: {one_line(error)}") from error
-    if not MAGIC.startswith(opening):
-        raise RecordingError(f"{file} is no MCAP file: it does not begin like one")
-    if closing != MAGIC:
-        raise RecordingError(f"{file} was cut off before its end; run `ldcs recover {bag}`")
+        card = read_card(bag)
+    except RecordingError as error:
+        hint = f"; `ldcs recover {bag}` writes it again" if any(n.endswith(".mcap") for n in here) else ""
+        raise RecordingError(f"{bag} is damaged or no ROS 2 bag: {error}{hint}") from error
+    if not card.files:
+        raise RecordingError(f"{bag / FILE_NAME} lists no files")
+    if card.compression not in ("", "file", "message"):
+        raise RecordingError(
+            f"{bag} has the compression mode {card.compression[:20]!r}, expected file or message"
+        )
+    missing = sorted(set(card.files) - {file.name for file in bag.iterdir()})
+    if missing:
+        raise RecordingError(f"{bag} lacks {missing[0]}, which its {FILE_NAME} lists")
+    beside = sorted(set(here) - set(card.files))
+    notes = [f"left out, since {FILE_NAME} does not list them: {', '.join(beside)}"] if beside else []
+    return card, tuple(_open(bag / name, bag) for name in dict.fromkeys(card.files)), notes
 
 
-def _custom_data(bag: Path) -> dict[str, str]:
-    """Return custom_data of a bag: from metadata.yaml, or from the record of a single MCAP file."""
+def _is_storage(file: Path) -> bool:
+    return file.name.removesuffix(PACKED_SUFFIX).endswith(STORAGE_SUFFIXES) and not file.name.startswith(".")
+
+
+def _open(file: Path, bag: Path) -> StorageFile:
+    """Open a file by what it is, not by its name."""
+    check_regular(file)
+    with open(file, "rb") as stream:
+        opening = stream.read(max(len(sqlite3_file.MAGIC), len(mcap_file.MAGIC)))
+    if file.name.endswith(PACKED_SUFFIX):
+        return _PackedFile(file)
+    if opening == sqlite3_file.MAGIC:
+        return Sqlite3File(file)
+    if file.suffix == ".db3":
+        raise RecordingError(f"{file} is damaged or no ROS 2 bag: it does not begin like a sqlite3 file")
+    return McapFile(file, f"run `ldcs recover {bag}`")
+
+
+class _PackedFile:
+    """A file of a bag with the compression mode `file`, unpacked into a temporary folder while it is used."""
+
+    def __init__(self, file: Path) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="ldcs_bag_")
+        unpacked = Path(self._folder.name) / file.name.removesuffix(PACKED_SUFFIX)
+        _unpack_file(file, unpacked)
+        self._file = _open(unpacked, file)
+        self.channels, self.custom_data = self._file.channels, self._file.custom_data
+        self.start, self.end = self._file.start, self._file.end
+
+    def messages(self, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
+        yield from self._file.messages(wanted)
+
+
+def _unpack_file(file: Path, unpacked: Path) -> None:
+    bound = max(SMALLEST_BOUND, LARGEST_RATIO * check_regular(file))
     try:
-        if bag.is_dir():
-            content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))
-            if not isinstance(content, dict):
-                raise RecordingError(f"{bag}: {FILE_NAME} is not valid YAML; run `ldcs recover {bag}`")
-            custom_data = content[ROOT_KEY].get("custom_data") or {}
-            return {str(key): str(value) for key, value in custom_data.items()}
-        if bag.suffix == ".mcap":
-            with open(bag, "rb") as stream:
-                for record in make_reader(stream).iter_metadata():
-                    if record.name == CUSTOM_DATA_RECORD:
-                        return dict(record.metadata)
-    except (OSError, UnicodeDecodeError, McapError, KeyError, TypeError, AttributeError) as error:
-        raise RecordingError(f"{bag}: its custom_data cannot be read: {one_line(error)}") from error
-    return {}
+        with open(file, "rb") as packed, open(unpacked, "xb") as stream:
+            size = 0
+            for part in zstandard.ZstdDecompressor().read_to_iter(packed):
+                size += len(part)
+                if size > bound:
+                    raise RecordingError(
+                        f"{file} unpacks to more than {bound} bytes; unpack it with `zstd -d`"
+                    )
+                stream.write(part)
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise RecordingError(f"{file} cannot be unpacked: {one_line(error)}") from error
 
 
-def _qos(connection: Connection) -> Qos:
-    offered = cast(ConnectionExtRosbag2, connection.ext).offered_qos_profiles
-    if not offered:
-        return Qos()
-    first = offered[0]
-    return Qos(
-        reliability=first.reliability.name.lower(),
-        durability=first.durability.name.lower(),
-        history=first.history.name.lower(),
-        depth=first.depth,
-    )
+def _unpacked(data: bytes) -> bytes:
+    message = unpack("zstd", data, LARGEST_CHUNK)
+    if len(message) > LARGEST_CHUNK:
+        raise RecordingError(f"a message unpacks to more than {LARGEST_CHUNK} bytes")
+    return message

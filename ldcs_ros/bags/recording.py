@@ -61,6 +61,7 @@ class Recording:
         start: Earliest log time [ns]; 0 when nothing was recorded.
         end: Latest log time [ns]; 0 when nothing was recorded.
         source: Source of the messages.
+        notes: What was left out of it, in words.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Recording:
     start: int
     end: int
     source: Source
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def channels(self) -> Mapping[str, Channel]:
@@ -209,6 +211,8 @@ class _Memory:
 def _decode(decoder: Decoder, message: Message, recording: str) -> Any:
     try:
         return decoder.deserialize_cdr(message.cdr, message.type)
+    except RecordingError:
+        raise
     except Exception as error:  # a foreign message may break the decoder anywhere
         raise RecordingError(
             f"{recording}: the message on {message.topic} at {message.time * 1e-9:.6f} s "

@@ -5,24 +5,25 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from mcap.well_known import Profile
-
 from ldcs_ros.bags.contents import Contents, read_contents, write_copy
+from ldcs_ros.bags.limits import check_regular
 from ldcs_ros.bags.metadata import (
     FILE_NAME,
-    ROOT_KEY,
+    BagCard,
     FileSummary,
     bag_information,
-    parse_foreign_yaml,
+    read_card,
     sync_folder,
     write_metadata,
 )
+from ldcs_ros.bags.storage import LATEST
 from ldcs_ros.errors import RecordingError, one_line
 
 
@@ -33,6 +34,7 @@ class RecoveryReport:
     Attributes:
         path: The bag.
         rewritten: Names of the files that were repaired; empty when all were sound.
+        originals: Names of the files as they were before, kept beside the repaired ones.
         metadata_written: Whether metadata.yaml was missing or wrong and was written again.
         messages: Messages in the bag now.
         duration: Log time from its first to its last message [s].
@@ -41,6 +43,7 @@ class RecoveryReport:
 
     path: Path
     rewritten: tuple[str, ...]
+    originals: tuple[str, ...]
     metadata_written: bool
     messages: int
     duration: float
@@ -55,9 +58,10 @@ class RecoveryReport:
         content = f"{self.messages} messages over {self.duration:.3f} s"
         if self.untouched:
             return f"{self.path} is sound ({content}) and was left untouched"
+        kept = f"; the original stays as {', '.join(self.originals)}" if self.originals else ""
         if not self.rewritten:
-            return f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written"
-        return f"{self.path} was repaired: {content} kept, {self.dropped} bytes dropped"
+            return f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written{kept}"
+        return f"{self.path} was repaired: {content} kept, {self.dropped} bytes dropped{kept}"
 
 
 def recover(
@@ -66,11 +70,12 @@ def recover(
     """Repair an MCAP bag in place; a sound one is left untouched.
 
     Every whole record is kept, also those of a cut chunk. The new file is written beside the old one and takes its
-    name only when it is complete and on the disk. So an interruption or a full disk leaves the old one unchanged.
-    custom_data gains the entry `recovered`.
+    name only when it is complete and on the disk. The old one stays beside it under the suffix `.original`, until the
+    user removes it. custom_data gains the entry `recovered`.
 
     Args:
-        path: Bag folder, or one .mcap file (then no metadata.yaml is written).
+        path: Bag folder, or one .mcap file (then no metadata.yaml is written). Where metadata.yaml lists files,
+            others in the folder are left out.
         progress: Called with the fraction of the work that is done, 0 to 1.
 
     Raises:
@@ -79,40 +84,43 @@ def recover(
     bag = Path(path)
     summaries: list[FileSummary] = []
     rewritten: list[str] = []
+    originals: list[str] = []
     dropped = 0
     whole = Contents()
     try:
-        metadata = _read_metadata(bag)
-        files = _mcap_files(bag)
-        done_fraction = _DoneFraction(progress, 2 * sum(file.stat().st_size for file in files))
+        card = _card(bag)
+        files = _mcap_files(bag, card)
+        done_fraction = _DoneFraction(progress, 2 * sum(check_regular(file) for file in files))
         for file in files:
             with _locked(file) as stream:
                 size = os.fstat(stream.fileno()).st_size
-                contents = read_contents(stream, size, done_fraction.at)
+                contents = read_contents(file, stream, size, done_fraction.at)
                 done_fraction.done += size
-                if contents.profile is None:
-                    raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
-                if contents.profile != Profile.ROS2:
-                    raise RecordingError(
-                        f"{file} is no ROS 2 bag: its profile is {contents.profile!r}, expected 'ros2'; "
-                        "it was left untouched"
-                    )
-                contents.add_information(metadata)
+                _check_contents(file, contents)
+                contents.add_card(card)
                 if contents.sound:
                     summaries.append(contents.summary(file.name))
                 else:
                     contents.custom_data["recovered"] = (
                         f"{contents.counts.total()} messages kept, {contents.dropped} of {size} bytes dropped"
                     )
-                    summaries.append(_replace(file, stream, size, contents, done_fraction.at))
+                    summaries.append(_copy(file, stream, size, contents, done_fraction.at))
+                    originals.append(_replace(file))
                     rewritten.append(file.name)
                     dropped += contents.dropped
                 done_fraction.done += size
                 whole.custom_data.update(contents.custom_data)
                 whole.ros_distro = whole.ros_distro or contents.ros_distro
-        information = bag_information(summaries, whole.custom_data, ros_distro=whole.ros_distro)
-        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(metadata, information))
+        information = bag_information(
+            summaries,
+            whole.custom_data,
+            ros_distro=whole.ros_distro,
+            packed_messages=card.compression == "message",
+        )
+        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(card, information))
         if metadata_written:
+            if (bag / FILE_NAME).exists():
+                originals.append(_keep(bag / FILE_NAME))
             write_metadata(bag, information)
     except RecordingError:
         raise
@@ -124,11 +132,28 @@ def recover(
     return RecoveryReport(
         bag,
         tuple(rewritten),
+        tuple(originals),
         metadata_written,
         information["message_count"],
         information["duration"]["nanoseconds"] / 1e9,
         dropped,
     )
+
+
+def _check_contents(file: Path, contents: Contents) -> None:
+    if contents.profile is None:
+        raise RecordingError(f"{file} does not begin like an MCAP file; nothing can be kept")
+    encodings = {channel.message_encoding for channel in contents.channels.values()}
+    if encodings and "cdr" not in encodings:
+        raise RecordingError(
+            f"{file} holds no ROS 2 messages: its profile is {contents.profile!r}, its encodings are "
+            f"{sorted(encodings)}; it was left untouched"
+        )
+    if contents.counts.total() and contents.end > LATEST:
+        raise RecordingError(
+            f"{file} has a log time of {contents.end} ns, after the year 2262: no repair knows the right one; "
+            "it was left untouched"
+        )
 
 
 @dataclass
@@ -144,27 +169,61 @@ class _DoneFraction:
             self.progress((self.done + position) / self.total)
 
 
-def _replace(
+def _copy(
     file: Path, stream: IO[bytes], size: int, contents: Contents, progress: Callable[[int], None]
 ) -> FileSummary:
-    part = file.with_name(f".{file.name}.part")
+    part = _part(file)
     part.unlink(missing_ok=True)
-    summary = write_copy(stream, size, contents, part, file.name, progress)
-    os.replace(part, file)
+    return write_copy(stream, size, contents, part, file.name, progress)
+
+
+def _part(file: Path) -> Path:
+    return file.with_name(f".{file.name}.part")
+
+
+def _replace(file: Path) -> str:
+    """Give the finished copy the name of its original; return the name under which that stays."""
+    original = _keep(file)
+    os.replace(_part(file), file)
     sync_folder(file.parent)
-    return summary
+    return original
 
 
-def _mcap_files(bag: Path) -> list[Path]:
+def _keep(file: Path) -> str:
+    """Give a file a second name that no reader of bags takes for a bag's file, and return it."""
+    number = 1
+    while (original := file.with_name(f"{file.name}.original{number if number > 1 else ''}")).exists():
+        number += 1
+    try:
+        os.link(file, original)
+    except OSError:  # a file system without links
+        shutil.copy2(file, original)
+    return original.name
+
+
+def _mcap_files(bag: Path, card: BagCard) -> list[Path]:
     """Return the files of a bag in the order of recording (..._9.mcap before ..._10.mcap)."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder or a .mcap file")
-    files = [bag] if bag.is_file() else [file for file in bag.iterdir() if not file.name.startswith(".")]
-    found = [file for file in files if file.suffix == ".mcap"]
-    if not found:
-        hint = "; use `ros2 bag reindex` for sqlite3" if any(file.suffix == ".db3" for file in files) else ""
+    if not bag.is_dir():
+        names = {bag.name}
+    else:
+        here = {file.name for file in bag.iterdir() if not file.name.startswith(".")}
+        names = here & set(card.files) or {name for name in here if name.endswith((".mcap", ".db3", ".zstd"))}
+    found = [name for name in names if name.endswith(".mcap")]
+    if not found or len(found) < len(here & set(card.files) if bag.is_dir() else names):
+        hint = ""
+        if any(name.endswith(".db3") for name in names):
+            hint = "; use `ros2 bag reindex` for sqlite3"
+        elif any(name.endswith(".zstd") for name in names):
+            hint = "; unpack its files with `zstd -d` first"
         raise RecordingError(f"{bag} has no .mcap file to repair{hint}")
-    return sorted(found, key=lambda file: [int(part) for part in re.findall(r"\d+", file.name)])
+    folder = bag if bag.is_dir() else bag.parent
+    return [folder / name for name in sorted(found, key=_numbers)]
+
+
+def _numbers(name: str) -> list[int]:
+    return [int(part) for part in re.findall(r"\d{1,18}", name)]
 
 
 @contextmanager
@@ -180,16 +239,39 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def _read_metadata(bag: Path) -> dict[str, Any]:
+def _card(bag: Path) -> BagCard:
     """Return the content of metadata.yaml; empty when it is missing or unreadable."""
     try:
-        content = parse_foreign_yaml((bag / FILE_NAME).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    information = content.get(ROOT_KEY) if isinstance(content, dict) else None
-    return information if isinstance(information, dict) else {}
+        return read_card(bag) if bag.is_dir() else BagCard({})
+    except RecordingError:
+        return BagCard({})
 
 
-def _agrees(metadata: dict[str, Any], information: dict[str, Any]) -> bool:
-    """Return whether metadata.yaml names these files and as many messages; other recorders may differ in the rest."""
-    return all(metadata.get(key) == information[key] for key in ("relative_file_paths", "message_count"))
+_NEEDED = ("storage_identifier", "relative_file_paths", "message_count", "starting_time", "duration")
+
+
+def _agrees(card: BagCard, information: dict[str, Any]) -> bool:
+    """Return whether metadata.yaml agrees in what readers need: files, span, counts and types of topics."""
+    said = card.content
+    return all(said.get(key) == _as_text(information[key]) for key in _NEEDED) and _topics(
+        said.get("topics_with_message_count")
+    ) == _topics(_as_text(information["topics_with_message_count"]))
+
+
+def _as_text(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _as_text(item) for key, item in value.items()}
+    return [_as_text(item) for item in value] if isinstance(value, list) else str(value)
+
+
+def _topics(listed: object) -> set[tuple[str, ...]]:
+    """Return the topics with messages; recorders differ in listing the others."""
+    found: set[tuple[str, ...]] = set()
+    for one in listed if isinstance(listed, list) else ():
+        said = one.get("topic_metadata") if isinstance(one, dict) else None
+        if isinstance(said, dict) and one.get("message_count") != "0":
+            found.add((*(str(said.get(key)) for key in _TOPIC_KEYS), str(one.get("message_count"))))
+    return found
+
+
+_TOPIC_KEYS = ("name", "type", "serialization_format")

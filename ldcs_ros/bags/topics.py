@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import yaml
+
 from ldcs_ros.errors import RecordingError
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
@@ -55,6 +57,28 @@ class Qos:
             "liveliness_lease_duration": dict(_INFINITE),
             "avoid_ros_namespace_conventions": False,
         }
+
+
+_LONGEST_PROFILES = 100_000
+
+
+def parse_qos(text: str) -> Qos:
+    """Return the first profile of `offered_qos_profiles`; the default where the text is none.
+
+    Words and the numbers that rosbag2 wrote until version 8 mean the same.
+    """
+    if len(text) > _LONGEST_PROFILES:
+        return Qos()
+    try:
+        profile = yaml.load(text, Loader=yaml.BaseLoader)[0]
+        words = {name: _word(profile[name], known) for name, known in _WORDS.items()}
+        return Qos(**words, depth=int(profile["depth"][:10]))
+    except (yaml.YAMLError, ValueError, LookupError, TypeError, RecursionError, RecordingError):
+        return Qos()
+
+
+def _word(text: str, known: tuple[str, ...]) -> str:
+    return known[int(text)] if text.isdecimal() else text
 
 
 @dataclass(frozen=True)

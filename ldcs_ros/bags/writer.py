@@ -11,7 +11,8 @@ from pathlib import Path
 from time import monotonic
 from types import TracebackType
 
-from ldcs_ros.bags.bag_file import CHUNK_SIZE, CUSTOM_DATA_RECORD, BagFile
+from ldcs_ros.bags.bag_file import CHUNK_SIZE, BagFile
+from ldcs_ros.bags.mcap_file import CUSTOM_DATA_RECORD
 from ldcs_ros.bags.metadata import bag_information, sync_folder, write_metadata
 from ldcs_ros.bags.schemas import Schema, Schemas
 from ldcs_ros.bags.topics import TopicInfo

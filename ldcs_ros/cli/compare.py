@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ldcs_ros.cli.arguments import add_picture_arguments, metres
-from ldcs_ros.cli.output import print_json, print_pairs
+from ldcs_ros.cli.output import open_bag, print_json, print_pairs
 
 DESCRIPTION = """\
 Compare two recordings: two runs of the twin, or a run with a rig's bag. A constant offset of the clocks is estimated
@@ -58,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the report, print a summary; status 0, or 1 if a limit is broken."""
-    from ldcs_ros.bags import read_bag
     from ldcs_ros.compare.comparison import Options, compare
     from ldcs_ros.compare.report import as_dict, summary, write_report
     from ldcs_ros.compare.tolerances import load_tolerances
@@ -79,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         side_length=arguments.side_length,
         tolerances=None if arguments.tolerances is None else load_tolerances(arguments.tolerances),
     )
-    comparison = compare(read_bag(arguments.a), read_bag(arguments.b), options)
+    comparison = compare(open_bag(arguments.a), open_bag(arguments.b), options)
     folder = arguments.output or arguments.a.with_name(f"{arguments.a.stem}_vs_{arguments.b.stem}")
     folder.mkdir(parents=True, exist_ok=True)
     pictures = draw_comparison(comparison, folder, kind=arguments.format, style=STYLES[arguments.width])

@@ -6,7 +6,11 @@ import json
 import math
 import sys
 from collections.abc import Iterable
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ldcs_ros.bags import Recording
 
 
 def print_json(result: Any) -> None:
@@ -20,6 +24,25 @@ def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
     width = max((len(name) for name, _ in lines), default=0)
     for name, value in lines:
         print(f"{name:<{width}}  {value}")
+
+
+def open_bag(path: Path) -> Recording:
+    """Return the recording of a bag; what is left out of it is said on stderr.
+
+    Raises:
+        RecordingError: The bag cannot be read.
+    """
+    from ldcs_ros.bags import read_bag
+
+    recording = read_bag(path)
+    print_notes(path, recording.notes)
+    return recording
+
+
+def print_notes(path: Path, notes: Iterable[str]) -> None:
+    """Print what is worth knowing of a bag on stderr."""
+    for note in notes:
+        print(f"ldcs: note: {path}: {note}", file=sys.stderr)
 
 
 class Progress:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ldcs_ros.cli.arguments import add_picture_arguments, instant
-from ldcs_ros.cli.output import Progress, print_json
+from ldcs_ros.cli.output import Progress, open_bag, print_json
 
 DESCRIPTION = """\
 Draw a bag: surface.png (the sheet in 3D at chosen times), points.png (displacement of P0, P1, ... against
@@ -36,11 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the pictures and print their paths; exit status 0."""
-    from ldcs_ros.bags import read_bag
     from ldcs_ros.plotting.pictures import draw
     from ldcs_ros.plotting.style import STYLES
 
-    recording = read_bag(arguments.bag)
+    recording = open_bag(arguments.bag)
     folder = arguments.output or arguments.bag.with_name(f"{arguments.bag.stem}_plots")
     with Progress(1.0, label="motion", unit="", quiet=arguments.json or arguments.animate is None) as bar:
         written = draw(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import metres, seconds, seed
 from ldcs_ros.cli.interruption import Interruption
-from ldcs_ros.cli.output import Progress, print_json, print_pairs
+from ldcs_ros.cli.output import Progress, print_json, print_notes, print_pairs
 from ldcs_ros.cli.scene_argument import add_map, add_set, given_mapping, scene_of
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
             progress=lambda time, end: bar.show(time / end if end > 0.0 else 1.0),
             stop=lambda: interruption.requested,
         )
+    print_notes(arguments.source, done.notes)
     if arguments.json:
         print_json(_report(done))
     else:
@@ -109,6 +110,7 @@ def _report(done: Replay) -> dict[str, Any]:
         "bag": str(done.recorder.folder),
         "messages": done.recorder.count,
         "recording_error": done.recorder.error,
+        "notes": list(done.notes),
     }
 
 

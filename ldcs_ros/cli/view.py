@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import CommandLineError, instant
-from ldcs_ros.cli.output import Progress, print_json
+from ldcs_ros.cli.output import Progress, open_bag, print_json
 
 if TYPE_CHECKING:
     from ldcs_ros.bags import Recording
@@ -66,9 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError("view needs a BAG, or --live for a running twin, and not both")
     if arguments.live is not None:
         return _run_live(arguments)
-    from ldcs_ros.bags import read_bag
 
-    recording = read_bag(arguments.bag)
+    recording = open_bag(arguments.bag)
     if arguments.markers is not None:
         return _write_markers(recording, arguments)
     if arguments.save is not None and arguments.screenshot is None:

@@ -120,7 +120,7 @@ class FieldDifference:
 
     Attributes:
         time: Moments, on A's clock [s], shape (n,).
-        distance: Distances [m], shape (n, 2, nx, ny).
+        distance: Distances [m], shape (n, 2, nx, ny); NaN at nodes that a side did not measure throughout.
         place: A's node positions at the worst moment [m], shape (2, nx, ny, 3).
         statistics: Statistics of all nodes at all moments; `end` is the RMS at the last moment.
         worst: Index of the moment with the largest distance.
@@ -137,13 +137,14 @@ class FieldDifference:
     @property
     def rms_over_nodes(self) -> np.ndarray:
         """RMS over the nodes at each moment [m], shape (n,)."""
-        rms: np.ndarray = np.sqrt(np.mean(self.distance**2, axis=(1, 2, 3)))
+        rms: np.ndarray = np.sqrt(np.nanmean(self.distance**2, axis=(1, 2, 3)))
         return rms
 
     @property
     def rms_over_time(self) -> np.ndarray:
         """RMS over the moments and both layers at each node [m], shape (nx, ny)."""
-        rms: np.ndarray = np.sqrt(np.mean(self.distance**2, axis=(0, 1)))
+        mean = np.sum(self.distance**2, axis=(0, 1), where=np.isfinite(self.distance))
+        rms: np.ndarray = np.sqrt(mean / np.maximum(np.isfinite(self.distance).sum(axis=(0, 1)), 1))
         return rms
 
 
@@ -169,10 +170,14 @@ def field_difference(
     time = ours.time[index]
     place = _on_nodes(ours.value[index], nodes)
     known = _on_nodes(theirs.value, nodes)
+    measured = np.isfinite(known).all(axis=(0, -1)) & np.isfinite(place).all(axis=(0, -1))
+    if not measured.any():
+        return None
+    known = np.where(measured[..., None], known, 0.0)
     other = at_times(their_time, known, time, curve(their_time, known, smooth=True))
-    distance = np.linalg.norm(place - other, axis=-1)
-    worst = int(np.argmax(distance.max(axis=(1, 2, 3))))
-    flat = distance.reshape(len(time), -1)
+    distance = np.where(measured, np.linalg.norm(place - other, axis=-1), np.nan)
+    worst = int(np.argmax(np.nanmax(distance, axis=(1, 2, 3))))
+    flat = distance[:, measured]
     whole = statistics(flat.ravel(), np.repeat(time, flat.shape[1]), side_length)
     last = float(np.sqrt(np.mean(flat[-1] ** 2)))
     summary = ErrorStatistics(whole.rms, whole.p95, whole.max, whole.mean, last, whole.normalised_rms)

@@ -85,7 +85,7 @@ def read_experiment(
     name = Path(bag).name
     recorded = recorded_run(recording) if mapping is None else None
     meaning = mapping or guess_mapping(recording)
-    warnings: list[str] = []
+    warnings: list[str] = list(recording.notes)
     schedule: tuple[dict[str, Any], ...]
     if recorded is not None:
         run = timeline(recording, namespace=recorded.namespace, topics=dict(TOPICS))

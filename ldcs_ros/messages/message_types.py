@@ -88,6 +88,7 @@ class PointFieldMessage(Protocol):
 
     name: str
     offset: int
+    datatype: int
 
 
 class PointCloudMessage(StampedMessage, Protocol):
@@ -98,6 +99,7 @@ class PointCloudMessage(StampedMessage, Protocol):
     fields: Sequence[PointFieldMessage]
     is_bigendian: bool
     point_step: int
+    row_step: int
     data: bytes
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.bags import Recording
+from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.display.loads import SceneLoad, scene_loads
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.effects.driven_edges import DrivenEdges
@@ -40,6 +41,10 @@ def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
     scene = recorded_scene(recording)
     if scene is None:
         return Annotations(recording.name, track.position(0), {}, (), ())
+    if tuple(scene.lattice.nodes) != track.nodes:
+        raise RecordingError(
+            f"{recording.name} has clouds of {track.nodes} nodes, its scene has {tuple(scene.lattice.nodes)}"
+        )
     return annotations_of_scene(scene, title=scene.title or recording.name)
 
 

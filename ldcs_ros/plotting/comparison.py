@@ -232,7 +232,7 @@ def surface_error_figure(surface: FieldDifference, a: str, b: str, style: Figure
     unit, factor = scale(surface.statistics.max, "m")
     distance = factor * surface.distance[surface.worst]
     time = float(surface.time[surface.worst])
-    norm = Normalize(0.0, max(float(distance.max()), 1e-12))
+    norm = Normalize(0.0, max(float(np.nanmax(distance)), 1e-12))
     left = _PARTS_ON_SCREEN if style.headed else _PARTS_IN_PRINT
     up = 1.0 if style.headed else _WITHOUT_HEADING
     sheet = new_axes_3d(whole, (left.sheet, 0.02, 0.35, 0.80 * up))
@@ -262,10 +262,14 @@ def _draw_sheet(
     axes: Axes3D, place: np.ndarray, distance: np.ndarray, norm: Normalize, style: FigureStyle
 ) -> None:
     colours = ScalarMappable(norm=norm, cmap=ERROR_MAP).to_rgba(cell_means(distance))
+    cells = quads(place)
+    known = np.isfinite(cells).all(axis=(1, 2))
     axes.add_collection3d(
-        Poly3DCollection(quads(place), facecolors=colours, edgecolors=SOFT_INK, linewidths=0.4 * style.scale)
+        Poly3DCollection(
+            cells[known], facecolors=colours[known], edgecolors=SOFT_INK, linewidths=0.4 * style.scale
+        )
     )
-    low, high = place.min(axis=(0, 1)), place.max(axis=(0, 1))
+    low, high = np.nanmin(place, axis=(0, 1)), np.nanmax(place, axis=(0, 1))
     high[2] = max(high[2], low[2] + MIN_HEIGHT * (high[0] - low[0]))
     style_axes_3d(axes, low, high, zoom=0.95, label_size=style.label - 1.0)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
@@ -276,7 +280,7 @@ def _draw_sheet(
 
 def _draw_map(axes: Axes, rms: np.ndarray, style: FigureStyle) -> AxesImage:
     nx, ny = rms.shape
-    top = max(float(rms.max()), 1e-12)
+    top = max(float(np.nanmax(rms)), 1e-12)
     extent = (-0.5, nx - 0.5, -0.5, ny - 0.5)
     image = axes.imshow(
         rms.T, origin="lower", extent=extent, cmap=ERROR_MAP, vmin=0.0, vmax=top, aspect="equal"
@@ -292,7 +296,7 @@ def _draw_map(axes: Axes, rms: np.ndarray, style: FigureStyle) -> AxesImage:
 def _draw_over_time(
     axes: Axes, surface: FieldDifference, factor: float, unit: str, style: FigureStyle
 ) -> None:
-    largest = surface.distance.max(axis=(1, 2, 3))
+    largest = np.nanmax(surface.distance, axis=(1, 2, 3))
     marker = "o" if len(surface.time) == 1 else ""
     axes.plot(
         surface.time,

@@ -86,7 +86,8 @@ def informative_indices(track: SurfaceTrack, count: int = 4) -> list[int]:
     """Return the first and the last cloud, and those at which the motion has gone equal parts of its way."""
     samples = np.unique(np.linspace(0, len(track) - 1, min(len(track), _SAMPLES)).astype(int))
     start = track.position(0)
-    moved = np.array([np.linalg.norm(track.position(index) - start, axis=-1).max() for index in samples])
+    apart = [np.linalg.norm(track.position(index) - start, axis=-1) for index in samples]
+    moved = np.array([np.max(one, initial=0.0, where=np.isfinite(one)) for one in apart])
     if moved.max() < 1e-6:
         return [len(track) - 1]
     parts = np.arange(1, count - 1) / (count - 1)

@@ -61,11 +61,12 @@ class ViewBox:
 def common_frame(positions: Sequence[np.ndarray], rest: np.ndarray) -> ViewBox:
     """Return the box and the colour scale that hold all the positions [m], shape (2, nx, ny, 3) each."""
     everything = MM * np.stack([*positions, rest])
-    low, high = everything.min(axis=(0, 1, 2, 3)), everything.max(axis=(0, 1, 2, 3))
+    low, high = np.nanmin(everything, axis=(0, 1, 2, 3)), np.nanmax(everything, axis=(0, 1, 2, 3))
     margin = 0.04 * float((high - low).max())
     low, high = low - margin, high + margin
     high[2] = max(high[2], low[2] + MIN_HEIGHT * (high[0] - low[0]))
-    largest = max(float(np.linalg.norm(everything[:-1] - everything[-1], axis=-1).max()), 1e-3)
+    moved = np.linalg.norm(everything[:-1] - everything[-1], axis=-1)
+    largest = max(float(np.max(moved, initial=1e-3, where=np.isfinite(moved))), 1e-3)
     return ViewBox(low, high, Normalize(0.0, largest))
 
 
@@ -161,7 +162,9 @@ def draw_surface(
 def _draw_shadow(axes: Axes3D, layer: np.ndarray, *, floor: float) -> None:
     flat = layer.copy()
     flat[..., 2] = floor
-    axes.add_collection3d(Poly3DCollection(quads(flat), facecolors="#ececec", edgecolors="none", zorder=1))
+    cells = quads(flat)
+    cells = cells[np.isfinite(cells).all(axis=(1, 2))]
+    axes.add_collection3d(Poly3DCollection(cells, facecolors="#ececec", edgecolors="none", zorder=1))
 
 
 def _draw_sheet(
@@ -187,12 +190,14 @@ def _draw_sheet(
         polygons += list(walls)
         faces += list(paint)
         edges += [to_rgba("white", 0.4)] * len(walls)
+    # Cells at a node that was not measured are left out.
+    drawn = [k for k, polygon in enumerate(polygons) if np.isfinite(polygon).all()]
     # One collection, so that matplotlib sorts layers and walls by depth together.
     axes.add_collection3d(
         Poly3DCollection(
-            polygons,
-            facecolors=faces,
-            edgecolors=edges,
+            [polygons[k] for k in drawn],
+            facecolors=[faces[k] for k in drawn],
+            edgecolors=[edges[k] for k in drawn],
             linewidths=0.5 * style.scale,
             zorder=2,
             zsort="average",

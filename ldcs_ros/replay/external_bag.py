@@ -166,7 +166,7 @@ def mapped_commands(
         # Several sources may read one topic: it is counted once.
         report = ChannelReport(source.topic)
         decoded = read_channel(
-            recording, source.topic, report, by=mapping.time, late=mapping.late, gap=mapping.gap
+            recording, source.topic, report, by=mapping.time or "log", late=mapping.late, gap=mapping.gap
         )
         report = reports.setdefault(source.topic, report)
         message_type = recording.topics[source.topic].type

@@ -59,6 +59,7 @@ class Replay:
         verdict: Comparison with the original; None if it is another run by intent.
         recorder: The bag that was written.
         start: Simulation time at which it began [s].
+        notes: What was left out of the bag, in words.
     """
 
     twin: Twin
@@ -67,6 +68,7 @@ class Replay:
     verdict: Verdict | None
     recorder: Recorder
     start: float
+    notes: tuple[str, ...] = ()
 
 
 def replay(
@@ -136,7 +138,7 @@ def _replay_own(
             allowed=twin.simulation.accuracy or FIXED_STEP_ALLOWED,
             differing=run.differing_versions,
         )
-    return Replay(twin, outcome, (), verdict, recorder, start)
+    return Replay(twin, outcome, (), verdict, recorder, start, recording.notes)
 
 
 def _replay_foreign(
@@ -167,7 +169,7 @@ def _replay_foreign(
     said = {"replay_of": Path(recording.name).name, "log_time_of_start": str(origin - start)}
     recorder = Recorder(folder, twin, custom_data=said)
     outcome = _run(twin, commands, recorder, end=end, last=None, progress=progress, stop=stop)
-    return Replay(twin, outcome, tuple(reports), None, recorder, start / 1e9)
+    return Replay(twin, outcome, tuple(reports), None, recorder, start / 1e9, recording.notes)
 
 
 def _run(

@@ -1,4 +1,4 @@
-"""The messages of a rig's topic: decoded, sorted, without copies, and with a count of each irregularity."""
+"""The messages of a rig's topic: decoded, sorted, and with a count of each irregularity."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import MappingError, RecordingError
 from ldcs_ros.signals import fields
+from ldcs_ros.signals.stamps import SECOND, on_recorders_clock
 
-# Stamps that are further than this from the recorder's time are of another clock [ns].
-_ANOTHER_CLOCK = 1_000_000_000
+MOST_WARNED = 3
 
 
 @dataclass(frozen=True)
@@ -37,40 +37,49 @@ class ChannelReport:
         topic: Its name.
         messages: Messages in the bag.
         malformed: Messages that cannot be read as the mapping demands.
-        duplicates: Repeated messages; one is taken.
+        repeated: Messages with stamp and content of an earlier one; all are taken.
         out_of_order: Messages with a stamp before that of an earlier one; sorted.
         late: Messages recorded long after their stamp.
         missing: Missing messages, estimated from the silences; the last value is held meanwhile.
         longest_gap: Longest silence [s].
+        silences: Silences longer than `gap`: begin after the start of the recording [s], length [s].
         below_zero: Pressures slightly below ambient, taken as ambient.
         refused: Commands that the twin refused, by reason.
         clock_offset: Lead of the stamps' clock over the recorder's [s]; None if it is the same.
+        clock_steps: Steps of the stamps' clock during the recording [s].
+        unstamped: Messages whose stamp is unset, does not advance or is too coarse; they hold at their log time.
         problem: Error of the first malformed message.
     """
 
     topic: str
     messages: int = 0
     malformed: int = 0
-    duplicates: int = 0
+    repeated: int = 0
     out_of_order: int = 0
     late: int = 0
     missing: int = 0
     longest_gap: float = 0.0
+    silences: tuple[tuple[float, float], ...] = ()
     below_zero: int = 0
     refused: Counter[str] = field(default_factory=Counter)
     clock_offset: float | None = None
+    clock_steps: tuple[float, ...] = ()
+    unstamped: int = 0
     problem: str = ""
 
-    def count_gaps(self, times: np.ndarray, limit: float | None) -> None:
-        """Count silences in sorted times [ns]; `limit` [s], None for five usual periods."""
+    def count_gaps(self, times: np.ndarray, limit: float | None, start: int) -> None:
+        """Count silences in sorted times [ns]; `limit` [s], None for five usual periods; `start` of the recording."""
         # Probes of one topic may report at one time, or close together.
-        steps = np.diff(np.unique(times)) * 1e-9
+        distinct = np.unique(times)
+        steps = np.diff(distinct) * 1e-9
         if len(steps) < 2:
             return
         usual = _usual(steps)
         self.longest_gap = float(steps.max())
-        gaps = steps[steps > (5.0 * usual if limit is None else limit)]
-        self.missing = int(np.sum(np.round(gaps / usual) - 1.0))
+        silent = steps > (5.0 * usual if limit is None else limit)
+        begins = (distinct[:-1] - start)[silent] * 1e-9
+        self.silences = tuple(zip(begins.tolist(), steps[silent].tolist(), strict=True))
+        self.missing = int(np.sum(np.round(steps[silent] / usual) - 1.0))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the counts by name."""
@@ -82,10 +91,11 @@ class ChannelReport:
             f"{count} {what}"
             for count, what in (
                 (self.malformed, f"malformed ({self.problem})"),
-                (self.duplicates, "duplicates dropped"),
+                (self.repeated, "with stamp and content of an earlier one"),
                 (self.out_of_order, "out of order, sorted"),
                 (self.late, "late"),
-                (self.missing, f"missing (longest silence {self.longest_gap:.3g} s), value held"),
+                (self.missing, f"missing ({self._silences_in_words()}), value held"),
+                (self.unstamped, "without a stamp that tells their time, taken by log time"),
                 (self.below_zero, "a little below ambient, taken as ambient"),
             )
             if count
@@ -93,11 +103,29 @@ class ChannelReport:
         lines += [f"{count} refused ({reason})" for reason, count in sorted(self.refused.items())]
         if self.clock_offset is not None:
             lines.append(f"stamps {self.clock_offset:+.3f} s from the recorder's clock, taken out")
+        if self.clock_steps:
+            steps = ", ".join(f"{step:+.3f} s" for step in self.clock_steps[:MOST_WARNED])
+            lines.append(
+                f"the clock of the stamps was set {len(self.clock_steps)} times ({steps}), taken out"
+            )
         return lines
+
+    def _silences_in_words(self) -> str:
+        longest = sorted(self.silences, key=lambda silence: -silence[1])[:MOST_WARNED]
+        words = ", ".join(f"{length:.3g} s at {begin:.3f} s" for begin, length in longest)
+        count = len(self.silences)
+        return f"a silence of {words}" if count == 1 else f"{count} silences, the longest {words}"
 
 
 def read_channel(
-    recording: Recording, topic: str, report: ChannelReport, *, by: str, late: float, gap: float | None
+    recording: Recording,
+    topic: str,
+    report: ChannelReport,
+    *,
+    by: str,
+    late: float,
+    gap: float | None,
+    child: str = "",
 ) -> list[DecodedMessage]:
     """Return the sound messages of a topic by time, and count the irregular ones in `report`.
 
@@ -108,6 +136,7 @@ def read_channel(
         by: 'stamp' for the time of the header if there is one, 'log' for the time of recording.
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five usual periods.
+        child: Child frame of the transforms that are meant; '' for all messages.
 
     Raises:
         MappingError: The bag has no such topic.
@@ -117,48 +146,49 @@ def read_channel(
     messages: list[object] = []
     stamped: list[int] = []
     logged: list[int] = []
-    seen: set[tuple[int, bytes]] = set()
+    copies: list[bool] = []
+    contents: dict[int, bytes] = {}
     for raw in recording.channels[topic].raw:
         report.messages += 1
         try:
-            message = recording.decode(raw)
+            parts = fields.parts(recording.decode(raw), child)
         except RecordingError as error:
             report.malformed += 1
             report.problem = report.problem or str(error)
             continue
-        stamp = fields.stamp(message) or raw.time
-        # A copy has the same stamp; without stamps, it has the same content at the same time.
-        if (stamp, raw.cdr) in seen:
-            report.duplicates += 1
-            continue
-        seen.add((stamp, raw.cdr))
-        messages.append(message)
-        stamped.append(stamp)
-        logged.append(raw.time)
+        for part in parts:
+            # A time before 1970 is none.
+            stamp = max(0, fields.stamp(part) or 0)
+            messages.append(part)
+            stamped.append(stamp)
+            logged.append(raw.time)
+            copies.append(contents.setdefault(stamp, raw.cdr) == raw.cdr)
     if not messages:
         return []
     stamps, logs = np.array(stamped, dtype=np.int64), np.array(logged, dtype=np.int64)
-    stamps = _on_the_recorders_clock(stamps, logs, report)
-    report.late = int(np.sum(logs - stamps > late * 1e9))
-    report.out_of_order = int(np.sum(stamps < np.maximum.accumulate(stamps)))
-    times = stamps if by == "stamp" else logs
+    times = logs
+    if (stamps > 0).any():
+        found = on_recorders_clock(stamps, logs, np.array(copies))
+        usable = found.time[found.usable]
+        report.late = int(np.sum(logs[found.usable] - usable > late * SECOND))
+        report.out_of_order = int(np.sum(usable < np.maximum.accumulate(usable)))
+        report.repeated = len(usable) - len(np.unique(usable))
+        if by == "stamp":
+            times = found.time
+            report.unstamped = int(np.sum(~found.usable))
+            report.clock_steps = tuple(step / SECOND for step in found.clock_steps)
+            report.clock_offset = None if found.clock_offset is None else found.clock_offset / SECOND
     order = np.argsort(times, kind="stable")
-    report.count_gaps(times[order], gap)
+    report.count_gaps(times[order], gap, recording.start)
     return [DecodedMessage(int(times[k]), messages[k]) for k in order]
 
 
 def _usual(steps: np.ndarray) -> float:
-    """Return the usual one of some periods: a quarter of the time is spent in periods up to it."""
+    """Return the usual one of some periods: a quarter of the time is spent in periods up to it.
+
+    The longest tenth is left out first, so that a silence is no period however long it lasts.
+    """
     ordered = np.sort(steps)
+    if len(ordered) > 3:
+        ordered = ordered[: len(ordered) - max(1, len(ordered) // 10)]
     return float(ordered[np.searchsorted(np.cumsum(ordered), 0.25 * ordered.sum())])
-
-
-def _on_the_recorders_clock(stamps: np.ndarray, logs: np.ndarray, report: ChannelReport) -> np.ndarray:
-    ahead = stamps - logs
-    if abs(int(np.median(ahead))) <= _ANOTHER_CLOCK:
-        return stamps
-    # The fastest message has the least delay in the difference of the clocks.
-    offset = int(ahead.max())
-    report.clock_offset = offset * 1e-9
-    shifted: np.ndarray = stamps - offset
-    return shifted

@@ -53,19 +53,18 @@ def numbers(message: object, path: str, message_type: str) -> np.ndarray:
         raise MappingError(f"field {path!r} of {message_type} holds no numbers") from error
 
 
-def position(message: object, path: str, message_type: str, child: str) -> np.ndarray | None:
-    """Return the position in a message [its unit], shape (3,); None if it is of another child frame.
+def parts(message: object, child: str) -> list[object]:
+    """Return what a message says of a child frame, '' for any: a TFMessage holds several with stamps of their own."""
+    found = getattr(message, "transforms", [message])
+    return [one for one in found if not child or getattr(one, "child_frame_id", child) == child]
+
+
+def position(message: object, path: str, message_type: str) -> np.ndarray:
+    """Return the position in a message, or in one transform of it [its unit], shape (3,).
 
     Raises:
         MappingError: The type has no usual field, or there is no such field.
     """
-    if message_type == TRANSFORMS:
-        transforms = getattr(message, "transforms", ())
-        message = next((one for one in transforms if child in ("", one.child_frame_id)), None)
-        if message is None:
-            return None
-    elif child and getattr(message, "child_frame_id", child) != child:
-        return None
     if not path and message_type not in POSITIONS:
         raise MappingError(
             f"{message_type} has no usual field for a position; say which with 'field:', it has {_names(message)}"
@@ -82,8 +81,6 @@ def position(message: object, path: str, message_type: str, child: str) -> np.nd
 def stamp(message: object) -> int | None:
     """Return the time in a message's header [ns], None if it has none or it was never set."""
     header = getattr(message, "header", None)
-    if header is None and (transforms := getattr(message, "transforms", None)):
-        header = transforms[0].header
     if header is None:
         return None
     time = int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)

@@ -1,6 +1,7 @@
 """The mapping file (YAML) of a rig, read and checked key by key.
 
-time: log                      # a message acts when it was recorded; `stamp`: when its header says
+time: log                      # a message acts when it was recorded; `stamp`: when its header says;
+                               # without it commands act when they were recorded, measurements hold at their stamp
 initial: rest                  # a replay begins at rest without commands; `start`: at the scene's start
 late: 0.1                      # s; later than that after its stamp, a message counts as late
 gap: 0.5                       # s; a longer silence counts as missing messages
@@ -106,7 +107,8 @@ class Mapping:
     Attributes:
         commands: Topics that command.
         measurements: Topics that report.
-        time: Time at which a message acts: 'log' (its recording) or 'stamp' (its header).
+        time: Time at which a message acts: 'log' (its recording) or 'stamp' (its header); None: commands by log,
+            measurements by stamp.
         initial: Begin of a replay: 'rest' (the equilibrium without commands) or 'start' (the scene's start).
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five of the topic's usual periods.
@@ -115,7 +117,7 @@ class Mapping:
 
     commands: tuple[CommandSource, ...] = ()
     measurements: tuple[MeasurementSource, ...] = ()
-    time: str = "log"
+    time: str | None = None
     initial: str = "rest"
     late: float = 0.1
     gap: float | None = None
@@ -159,7 +161,7 @@ def parse_mapping(content: object) -> Mapping:
     return Mapping(
         commands=commands,
         measurements=measurements,
-        time=_CHECKS.choice(block.get("time", "log"), ("log", "stamp"), "time"),
+        time=_CHECKS.choice(block["time"], ("log", "stamp"), "time") if "time" in block else None,
         initial=_CHECKS.choice(block.get("initial", "rest"), ("rest", "start"), "initial"),
         late=_CHECKS.number(block.get("late", 0.1), "late", low=0.0),
         gap=None if gap is None else _CHECKS.number(gap, "gap", low=1e-9),

@@ -124,7 +124,13 @@ def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
     for source in mapping.measurements:
         report = ChannelReport(source.topic)
         decoded = read_channel(
-            recording, source.topic, report, by="stamp", late=mapping.late, gap=mapping.gap
+            recording,
+            source.topic,
+            report,
+            by=mapping.time or "stamp",
+            late=mapping.late,
+            gap=mapping.gap,
+            child=source.child,
         )
         kind = recording.topics[source.topic].type
         time, value = _measured(decoded, source, kind, report, mapping.ambient_pressure)
@@ -153,22 +159,19 @@ def _measured(
             report.malformed += 1
             report.problem = report.problem or str(error)
             continue
-        if value is not None:
-            times.append(one.time)
-            values.append(value)
+        times.append(one.time)
+        values.append(value)
     return np.array(times, dtype=np.int64), np.array(values)
 
 
-def _value(message: object, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray | None:
+def _value(message: object, source: MeasurementSource, kind: str, ambient: float) -> np.ndarray:
     if source.to.endswith("/pressure"):
         offset = fields.default_offset(kind, ambient) if source.offset is None else source.offset
         return np.array([source.scale * _number(message, source, kind, source.field) - offset])
     if source.to.startswith("joint/"):
         path = source.field or ("position" if kind == "sensor_msgs/msg/JointState" else "")
         return np.array([source.scale * _number(message, source, kind, path)])
-    place = fields.position(message, source.field, kind, source.child)
-    if place is None:
-        return None
+    place = fields.position(message, source.field, kind)
     turned: np.ndarray = np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
     return turned
 

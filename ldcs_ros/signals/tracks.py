@@ -63,8 +63,7 @@ class SurfaceTrack:
 
     def __init__(self, channel: Channel, start: int) -> None:
         self._messages: Sequence[PointCloudMessage] = channel.messages
-        first = self._messages[0]
-        self.nodes: tuple[int, int] = (first.height // 2, first.width)
+        self.nodes: tuple[int, int] = cloud_nodes(self._messages[0])
         self.time = seconds(np.asarray(channel.times), start)
 
     def __len__(self) -> int:
@@ -76,23 +75,71 @@ class SurfaceTrack:
 
     def position(self, index: int) -> np.ndarray:
         """Return node positions of one cloud [m], shape (2, nx, ny, 3): layer (bottom, top), i, j."""
-        return cloud_positions(self._messages[index]).reshape(2, *self.nodes, 3)
+        cloud = self._messages[index]
+        if cloud_nodes(cloud) != self.nodes:
+            raise RecordingError(
+                f"the clouds of a recording differ in size: {cloud_nodes(cloud)} nodes after {self.nodes}"
+            )
+        return cloud_positions(cloud).reshape(2, *self.nodes, 3)
+
+
+LARGEST_POSITION = 1.0e6
+"""Coordinates from this on are none [m]."""
+_NUMBERS = {7: "f4", 8: "f8"}
+"""Datatype of a PointField -> NumPy."""
+
+
+def cloud_nodes(cloud: PointCloudMessage) -> tuple[int, int]:
+    """Return the nodes along x and y of a cloud of the sheet: the rows of the bottom layer, then those of the top.
+
+    Raises:
+        RecordingError: It is not organised in this way.
+    """
+    if cloud.height < 4 or cloud.height % 2 or cloud.width < 2:
+        raise RecordingError(
+            f"a cloud on the topic 'nodes' has {cloud.height} rows of {cloud.width} points, "
+            "expected both layers of a sheet: an even number of rows from 4 on, two points or more in each"
+        )
+    return cloud.height // 2, cloud.width
 
 
 def cloud_positions(cloud: PointCloudMessage) -> np.ndarray:
-    """Return x, y, z of every point of a PointCloud2 [m], shape (n, 3), as float64."""
-    offsets = {field.name: field.offset for field in cloud.fields}
+    """Return x, y, z of every point of a PointCloud2 [m], shape (n, 3), as float64; NaN where none was measured.
+
+    Raises:
+        RecordingError: It has no x, y, z as float32 or float64, or fewer bytes than it claims.
+    """
+    fields = {field.name: field for field in cloud.fields}
+    if not all(axis in fields and fields[axis].datatype in _NUMBERS for axis in "xyz"):
+        raise RecordingError(
+            f"a cloud has the fields {sorted(fields)[:10]}, expected x, y, z as float32 or float64"
+        )
     order = ">" if cloud.is_bigendian else "<"
-    layout = np.dtype(
-        {
-            "names": ["x", "y", "z"],
-            "formats": [f"{order}f4"] * 3,
-            "offsets": [offsets[axis] for axis in "xyz"],
-            "itemsize": cloud.point_step,
-        }
-    )
-    points = np.frombuffer(bytes(cloud.data), dtype=layout, count=cloud.width * cloud.height)
-    return np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+    formats = [np.dtype(order + _NUMBERS[fields[axis].datatype]) for axis in "xyz"]
+    ends = [fields[axis].offset + number.itemsize for axis, number in zip("xyz", formats, strict=True)]
+    row = cloud.row_step or cloud.width * cloud.point_step
+    size = max(0, cloud.height - 1) * row + cloud.width * cloud.point_step
+    if max(ends) > cloud.point_step or row < cloud.width * cloud.point_step or size > len(cloud.data):
+        raise RecordingError(
+            f"a cloud of {cloud.height} x {cloud.width} points of {cloud.point_step} bytes, "
+            f"{row} bytes a row, does not fit into its {len(cloud.data)} bytes"
+        )
+    data = bytes(cloud.data)
+    points = [
+        np.ndarray(
+            (cloud.height, cloud.width),
+            dtype=number,
+            buffer=data,
+            offset=fields[axis].offset,
+            strides=(row, cloud.point_step),
+        )
+        for axis, number in zip("xyz", formats, strict=True)
+    ]
+    found = np.stack(points, axis=-1).reshape(-1, 3).astype(np.float64)
+    found[~(np.abs(found) < LARGEST_POSITION).all(axis=1)] = np.nan
+    if not np.isfinite(found).any():
+        raise RecordingError("a cloud on the topic 'nodes' holds no position")
+    return found
 
 
 def surface_track(recording: Recording) -> SurfaceTrack:
@@ -129,7 +176,7 @@ def point_tracks(recording: Recording, *, truth: bool) -> dict[str, Track]:
             continue
         messages = list(recording.channels[topic].messages)
         place = np.array([[m.pose.position.x, m.pose.position.y, m.pose.position.z] for m in messages])
-        tracks[parts[-2]] = Track(_stamps(messages, recording.start), place)
+        tracks[parts[-2]] = Track(_stamps(recording, topic, messages), place)
     return tracks
 
 
@@ -139,7 +186,7 @@ def joint_tracks(recording: Recording) -> tuple[tuple[str, ...], Track, Track] |
     if topic is None:
         return None
     messages = list(recording.channels[topic].messages)
-    time = _stamps(messages, recording.start)
+    time = _stamps(recording, topic, messages)
     angle = np.array([m.position for m in messages])
     torque = np.array([m.effort for m in messages])
     return tuple(messages[0].name), Track(time, angle), Track(time, torque)
@@ -153,7 +200,7 @@ def pressure_tracks(recording: Recording) -> dict[str, Track]:
         if len(parts) > 1 and parts[-2] not in tracks:
             messages = list(recording.channels[topic].messages)
             value = np.array([m.fluid_pressure for m in messages])
-            tracks[parts[-2]] = Track(_stamps(messages, recording.start), value)
+            tracks[parts[-2]] = Track(_stamps(recording, topic, messages), value)
     return tracks
 
 
@@ -163,12 +210,14 @@ def seconds(nanoseconds: np.ndarray, start: int) -> np.ndarray:
     return np.asarray(nanoseconds - origin, dtype=np.int64) * 1e-9
 
 
-def _stamps(messages: Sequence[StampedMessage], start: int) -> np.ndarray:
+def _stamps(recording: Recording, topic: str, messages: Sequence[StampedMessage]) -> np.ndarray:
     # The stamp of the header is the time of the value; the log time is that of sending, a delay later.
     stamps = np.array(
         [m.header.stamp.sec * 1_000_000_000 + m.header.stamp.nanosec for m in messages], dtype=np.int64
     )
-    return seconds(stamps, start)
+    # An unset stamp of a wall clock is none.
+    logs = recording.channels[topic].times
+    return seconds(np.where((stamps == 0) & (logs > _WALL_CLOCK), logs, stamps), recording.start)
 
 
 @dataclass(frozen=True)
@@ -213,9 +262,7 @@ def snapshots(recording: Recording, scene: Scene | None, *, every: int = 1) -> I
         if message.topic == clouds:
             if count % every == 0:
                 cloud = recording.decode(message)
-                waiting = Snapshot(
-                    message.time, (cloud.height // 2, cloud.width), DrawableState(cloud_positions(cloud))
-                )
+                waiting = Snapshot(message.time, cloud_nodes(cloud), DrawableState(cloud_positions(cloud)))
             count += 1
         elif message.topic == joints:
             state.joints = np.asarray(recording.decode(message).position, dtype=float)

@@ -9,7 +9,7 @@ import numpy as np
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.marker import specs_of
 from ldcs_ros.messages.message_types import StampedMessage
-from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_positions
+from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_nodes, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.rerun_package import Stream
 from ldcs_ros.viewing.rerun_scene import ARMS, LOADS, RerunScene
@@ -82,8 +82,7 @@ class LiveViewer:
         for topic, message in decoded.items():
             if topic == "nodes":
                 self._surfaces += 1
-                nodes = (message.height // 2, message.width)
-                self._rerun_scene.sheet(_stamp(message), nodes, cloud_positions(message))
+                self._rerun_scene.sheet(_stamp(message), cloud_nodes(message), cloud_positions(message))
             elif len(message.markers) > 0:
                 entity = ARMS if topic == ARMS else LOADS
                 self._rerun_scene.specs(entity, _stamp(message.markers[0]), specs_of(message))

@@ -17,7 +17,6 @@ from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.twin.twin import Twin
 
 MAPPING = """\
-time: log
 commands:
   - {topic: /valves/setpoint, to: pressure_command, unit: mbar, arms: [right, left]}
 measurements:
@@ -92,5 +91,5 @@ def test_what_is_left_between_rig_and_twin_is_noise_if_the_model_is_right(
     assert compared["offset"]["value"] == pytest.approx(DELAY, abs=3e-3)
     assert least < compared["channels"]["P1"]["figures"]["distance"]["rms"] < most
     remark = compared["remarks"]["bag"][0]
-    assert "duplicates dropped" in remark and "+4.38" in remark
+    assert "with stamp and content of an earlier one" in remark and "+4.38" in remark
     assert compared["only"] == ["only in twin: left/pressure, right/pressure, 8 joints, surface"]
