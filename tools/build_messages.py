@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "messages"
 PACKAGES = {
     "ldcs_msgs": ROOT / "msg_defs",
-    # Stand in for packages of the distribution, so that what needs them is tested everywhere.
+    # MockRigServer in for packages of the distribution, so that what needs them is tested everywhere.
     "simulation_interfaces": ROOT / "test" / "ros" / "stand_ins" / "simulation_interfaces",
     "tf2_msgs": ROOT / "test" / "ros" / "stand_ins" / "tf2_msgs",
 }

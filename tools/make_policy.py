@@ -82,7 +82,7 @@ def sim_permissions(scene: str) -> Permissions:
 
 
 def bridge_permissions(scene: str, rigs: Iterable[str]) -> Permissions:
-    """Return what the bridge does with any of these rigs, or with the stand-in rig."""
+    """Return what the bridge does with any of these rigs, or with the mock rig."""
     services, actions = _split(BRIDGE_SERVICES)
     permissions = Permissions(
         "/ldcs",
@@ -104,7 +104,7 @@ def bridge_permissions(scene: str, rigs: Iterable[str]) -> Permissions:
 
 
 def mock_rig_permissions(scene: str) -> Permissions:
-    """Return what the stand-in rig does, by any transport."""
+    """Return what the mock rig does, by any transport."""
     return Permissions(
         "/",
         "mock_rig",

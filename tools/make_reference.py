@@ -56,7 +56,7 @@ come in mode `mirror` only.
 MOCK_RIG = """\
 ## mock_rig
 
-Node `/mock_rig`: a stand-in rig. With the transports `modbus` and `serial` only the tracker stays on a
+Node `/mock_rig`: a mock rig. With the transports `modbus` and `serial` only the tracker stays on a
 topic.
 """
 
@@ -148,7 +148,6 @@ def _services(services: Iterable[ServiceEntry]) -> str:
 def _parameters(parameters: Iterable[NodeParameter]) -> str:
     rows = []
     for one in parameters:
-        bounds = "" if one.low is None or one.high is None else f"{_short(one.low)} ... {_short(one.high)}"
         change = (
             "while unconfigured" if one.at_configure else "no, read-only" if one.read_only else "at any time"
         )
@@ -157,7 +156,7 @@ def _parameters(parameters: Iterable[NodeParameter]) -> str:
                 f"`{one.name}`",
                 {str: "string", float: "double", int: "integer", bool: "bool"}[type(one.default)],
                 f"`{_yaml(one.default)}`",
-                one.note or bounds,
+                one.accepted,
                 change,
                 one.description,
             )

@@ -1,4 +1,4 @@
-"""A rig, or its stand-in, and the twin beside it: `ros2 launch ldcs_ros rig.launch.py mode:=mirror`."""
+"""A rig or the mock rig, and the twin beside it: `ros2 launch ldcs_ros rig.launch.py mode:=mirror`."""
 
 from __future__ import annotations
 
@@ -33,9 +33,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             argument("namespace", NAMESPACE, "Namespace of the bridge and the twin in it."),
             argument("params_file", "", "Parameter file of the bridge, such as config/bridge.yaml."),
-            argument(
-                "rig_params_file", "", "Parameter file of the stand-in rig, such as config/mock_rig.yaml."
-            ),
+            argument("rig_params_file", "", "Parameter file of the mock rig, such as config/mock_rig.yaml."),
             *parameter_arguments(BRIDGE_PARAMETERS.values()),
             *parameter_arguments(RIG),
             OpaqueFunction(function=_rig_and_bridge),

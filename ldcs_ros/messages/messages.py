@@ -30,7 +30,9 @@ def pose(time_ns: int, position: np.ndarray, orientation: np.ndarray, *, frame: 
     )
 
 
-def transform(time_ns: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray) -> RosMessage:
+def transform(
+    time_ns: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray
+) -> RosMessage:
     """Return a TransformStamped object from `child` to `frame`; position [m], quaternion x, y, z, w."""
     x, y, z = position.tolist()
     return message_class("geometry_msgs/msg/TransformStamped")(

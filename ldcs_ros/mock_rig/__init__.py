@@ -1,1 +1,1 @@
-"""A stand-in rig that speaks every transport for real: hidden parameters, slow valves, a noisy tracker, faults."""
+"""A mock rig that speaks every transport for real: hidden parameters, slow valves, a noisy tracker, faults."""

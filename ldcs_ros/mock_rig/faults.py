@@ -1,10 +1,10 @@
-"""Fault switches of the stand-in rig; each may be turned while it runs."""
+"""Faults of the mock rig; each may be set while it runs."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from ldcs_ros.errors import BridgeError
 
@@ -13,16 +13,16 @@ _ARMS = ("", "left", "right")
 
 @dataclass
 class Faults:
-    """What is broken at present.
+    """The present faults.
 
     Attributes:
-        mute: It says nothing more, but still obeys.
-        delay: What it says comes this much later [s].
+        mute: It reports nothing more, but still obeys.
+        delay: Its reports come this much later [s].
         stuck: Arm whose valve stays as it is; '' for none.
         leak: Arm that loses air; '' for none.
         duplicates: Every report is sent this many times more.
         clock_jump: Its clock is off by this much more [s].
-        nan: Arm whose pressure sensor reports nonsense; '' for none.
+        nan: Arm whose pressure sensor reports invalid values; '' for none.
         drop: The connection is gone.
     """
 
@@ -36,7 +36,7 @@ class Faults:
     drop: bool = False
 
     def set(self, name: str, value: object) -> None:
-        """Turn a switch; raises BridgeError when there is no such switch or the value does not fit."""
+        """Set a fault; raises BridgeError for an unknown fault or a value that does not fit."""
         fields = {field.name: field for field in dataclasses.fields(self)}
         if name not in fields:
             raise BridgeError(f"unknown fault {name!r}; expected one of {list(fields)}")
@@ -45,5 +45,5 @@ class Faults:
             raise BridgeError(f"fault {name} is {value!r}, expected one of {list(_ARMS)}")
         if isinstance(present, (bool, float, int)) and not isinstance(value, (bool, float, int)):
             raise BridgeError(f"fault {name} is {value!r}, expected {type(present).__name__}")
-        kind: Any = type(present)
+        kind: Callable[[object], object] = type(present)
         setattr(self, name, kind(value))

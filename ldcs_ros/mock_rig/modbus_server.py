@@ -1,4 +1,4 @@
-"""The stand-in rig as a Modbus TCP valve island on the loopback interface."""
+"""The mock rig as a Modbus TCP valve island on the loopback interface."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import asyncio
 import logging
 import math
 import threading
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from ldcs_ros.errors import LinkError
 from ldcs_ros.mock_rig.rig import MockRig
 from ldcs_ros.rig.units import PressureUnit
+
+if TYPE_CHECKING:
+    from pymodbus.constants import ExcCodes
 
 _READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_MANY = 3, 4, 6, 16
 _BROKEN_SENSOR = 0x7FFF
@@ -18,6 +21,10 @@ _MBAR = PressureUnit("mbar")
 _UNANSWERED = 3600.0
 ACTUAL, CLOCK, HEARTBEAT = 0, 2, 2
 """Registers: set-points in holding 0 and 1, heartbeat in holding 2; actual in input 0 and 1, clock in 2 and 3."""
+
+
+class _Server(Protocol):
+    async def shutdown(self) -> None: ...
 
 
 class ModbusServer:
@@ -29,7 +36,7 @@ class ModbusServer:
 
     Attributes:
         port: The port it listens on, known after `start`.
-        beats: Last heartbeat written by a client.
+        heartbeats: Last heartbeat written by a client.
     """
 
     def __init__(self, rig: MockRig, port: int = 0) -> None:
@@ -37,7 +44,7 @@ class ModbusServer:
         self.port = port
         self.heartbeats = 0
         self._loop = asyncio.new_event_loop()
-        self._server: Any = None
+        self._server: _Server | None = None
         self._stopping = False
         self._ready = threading.Event()
         self._problem: Exception | None = None
@@ -76,7 +83,7 @@ class ModbusServer:
     def _run(self) -> None:
         try:
             self._loop.run_until_complete(self._serve())
-        except Exception as error:  # whatever it is, `start` tells it
+        except Exception as error:  # whatever it is, `start` raises it
             self._problem = error
         finally:
             self._ready.set()
@@ -109,8 +116,7 @@ class ModbusServer:
         device = SimDevice(1, simdata=(bits, list(bits), words, more), action=self._act)
         server = ModbusTcpServer(device, address=("127.0.0.1", self.port))
         await server.serve_forever(background=True)
-        listener: Any = server.transport
-        self.port = listener.sockets[0].getsockname()[1]
+        self.port = cast(asyncio.Server, server.transport).sockets[0].getsockname()[1]
         self._server = server
 
     async def _act(
@@ -121,7 +127,7 @@ class ModbusServer:
         count: int,
         registers: list[int],
         values: list[int] | list[bool] | None,
-    ) -> Any:
+    ) -> ExcCodes | None:
         faults = self._rig.faults
         if values is not None and function in (_WRITE_ONE, _WRITE_MANY):
             refusal = self._written(address, [int(value) for value in values])
@@ -137,7 +143,7 @@ class ModbusServer:
                 registers[place - start] = value
         return None
 
-    def _written(self, address: int, values: list[int]) -> Any:
+    def _written(self, address: int, values: list[int]) -> ExcCodes | None:
         from pymodbus.constants import ExcCodes
 
         if address == HEARTBEAT:

@@ -1,4 +1,4 @@
-"""The stand-in rig itself: a scene with hidden parameters behind valves, a clock of its own, and a local watchdog."""
+"""The mock rig: a scene with hidden parameters behind valves, a clock of its own, and a local watchdog."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.faults import Faults
-from ldcs_ros.mock_rig.valve import Valve, ValveParameters
+from ldcs_ros.mock_rig.valve import ProportionalValve, ValveParameters
 from ldcs_ros.scene import load_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.sensors import Measurement, Tracker, TrackerParameters
@@ -25,13 +25,13 @@ CONTROLLERS = ("remote", "hold", "wave", "steps")
 
 @dataclass(frozen=True)
 class Hidden:
-    """What the rig has that its twin does not know.
+    """The parameters of a rig that its twin does not know.
 
     Attributes:
         stiffness: Factor on the stiffness of the sheet's springs.
         gain: Factor on the arms' torque for a pressure.
         load: Mass that hangs on the free edge beside the scene's payload [kg].
-        tracker_delay: From a measurement of the tracker to its delivery [s].
+        tracker_delay: Time from a measurement of the tracker to its delivery [s].
     """
 
     stiffness: float = 1.2
@@ -41,13 +41,13 @@ class Hidden:
 
 
 @dataclass(frozen=True)
-class Status:
-    """What the rig says of itself at an instant.
+class RigStatus:
+    """A report of the rig.
 
     Attributes:
-        number: Counts the reports.
-        stamp: Its own clock [s].
-        setpoint: Set-points that it works to, gauge [Pa], by arm.
+        number: Number of the report.
+        stamp: Time on its own clock [s].
+        setpoint: Present set-points, gauge [Pa], by arm.
         pressure: Measured gauge pressures [Pa], by arm; NaN for a broken sensor.
     """
 
@@ -62,21 +62,21 @@ class MockRig:
 
     Args:
         scene: The rig's scene, hidden parameters and all; its arms are driven by pressure.
-        controller: Who gives set-points: 'remote' (whoever is connected), or the rig itself: 'hold', 'wave', 'steps'.
+        controller: Source of set-points: 'remote' (a connected controller), or the rig itself: 'hold', 'wave', 'steps'.
         clock: Steady clock [s].
-        epoch: What its own clock shows at the start [s].
+        epoch: Reading of its own clock at the start [s].
         drift: Rate error of its own clock.
         limit: Largest set-point that it takes [Pa]; more is refused.
         bus_timeout: Silence of a remote controller after which it vents by itself [s].
-        rate: Reports a second [Hz].
+        rate: Reports per second [Hz].
         valve: Its valves.
 
     Attributes:
-        faults: What is broken.
+        faults: Its faults.
         course_start: Steady time at which its own controller begins [s]; before, it holds no pressure.
         peak: Largest chamber pressure so far [Pa].
-        lowest_setpoint: Smallest set-point that anybody asked for [Pa].
-        highest_setpoint: Largest set-point that anybody asked for [Pa].
+        lowest_setpoint: Smallest set-point asked for so far [Pa].
+        highest_setpoint: Largest set-point asked for so far [Pa].
     """
 
     def __init__(
@@ -97,13 +97,13 @@ class MockRig:
         self.simulation = scene.build()
         if self.simulation.inputs.pressure is None:
             raise BridgeError(
-                f"the scene {scene.name!r} is not driven by pressure; the stand-in rig needs one that is"
+                f"the scene {scene.name!r} is not driven by pressure; the mock rig needs one that is"
             )
         self.simulation.settle()
         self.controller, self.limit, self.bus_timeout, self.rate = controller, limit, bus_timeout, rate
         self.faults = Faults()
         self._clock, self._epoch, self._drift = clock, epoch, drift
-        self._valves = [Valve(valve or ValveParameters()) for _ in self.simulation.arm_names]
+        self._valves = [ProportionalValve(valve or ValveParameters()) for _ in self.simulation.arm_names]
         self._remote = (0.0, 0.0)
         self._remote_at = -math.inf
         self._start = self._now = clock()
@@ -111,7 +111,7 @@ class MockRig:
         self._given = np.zeros(2)
         self._lock = threading.Lock()
         self._number = 0
-        self._history: deque[tuple[float, Status]] = deque(maxlen=2000)
+        self._history: deque[tuple[float, RigStatus]] = deque(maxlen=2000)
         self.peak = 0.0
         self.lowest_setpoint = math.inf
         self.highest_setpoint = 0.0
@@ -148,11 +148,11 @@ class MockRig:
         return (self.limit * swing * (0.75 + lean), self.limit * swing * (0.75 - lean))
 
     def rig_time(self) -> float:
-        """Return what the rig's own clock shows [s]."""
+        """Return the time on the rig's own clock [s]."""
         return self._epoch + (self._now - self._start) * (1.0 + self._drift) + self.faults.clock_jump
 
     def command(self, left: float, right: float) -> str:
-        """Take set-points [Pa] from outside; return '' or why they were refused."""
+        """Take set-points [Pa] from outside; return '' or the reason of a refusal."""
         values = (left, right)
         if all(math.isfinite(value) for value in values):
             self.lowest_setpoint = min(self.lowest_setpoint, *values)
@@ -174,7 +174,7 @@ class MockRig:
             self._now += step
             self._step(step)
 
-    def statuses(self, after: int) -> list[Status]:
+    def statuses(self, after: int) -> list[RigStatus]:
         """Return the reports past a number that are due by now, oldest first, with what faults do to them."""
         if self.faults.mute or self.faults.drop:
             return []
@@ -183,7 +183,7 @@ class MockRig:
             fresh = [status for made, status in self._history if made <= due and status.number > after]
         return [status for status in fresh for _ in range(1 + self.faults.duplicates)]
 
-    def latest(self) -> Status:
+    def latest(self) -> RigStatus:
         """Return the newest report that is due by now."""
         due = self._clock() - self.faults.delay
         with self._lock:
@@ -237,7 +237,7 @@ class MockRig:
             for arm, valve in zip(self.simulation.arm_names, self._valves, strict=True)
         ]
         self._number += 1
-        status = Status(self._number, self.rig_time(), self.setpoint, (pressure[0], pressure[1]))
+        status = RigStatus(self._number, self.rig_time(), self.setpoint, (pressure[0], pressure[1]))
         with self._lock:
             self._history.append((self._now, status))
 

@@ -1,4 +1,4 @@
-"""The stand-in rig as a pressure controller at the other end of a pseudo-terminal."""
+"""The mock rig as a pressure controller at the other end of a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MBAR = PressureUnit("mbar")
 
 
 class SerialPort:
-    """Speaks the line protocol on a pseudo-terminal that a bridge opens like any serial line.
+    """A serial line by the line protocol: a bridge opens its pseudo-terminal like any other.
 
     Args:
         rig: The rig.
@@ -31,22 +31,22 @@ class SerialPort:
         self._last = 0
         self._answers: deque[tuple[float, bytes]] = deque()
         self.name = ""
-        self._ours = self._theirs = -1
+        self._near_end = self._far_end = -1
 
     def start(self) -> None:
         """Open the pseudo-terminal."""
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
-        self.name = os.ttyname(self._theirs)
+        self._near_end, self._far_end = os.openpty()
+        tty.setraw(self._far_end)
+        os.set_blocking(self._near_end, False)
+        self.name = os.ttyname(self._far_end)
 
     def stop(self) -> None:
         """Close it: the bridge's end is gone, too."""
-        for descriptor in (self._ours, self._theirs):
+        for descriptor in (self._near_end, self._far_end):
             if descriptor >= 0:
                 with contextlib.suppress(OSError):
                     os.close(descriptor)
-        self._ours = self._theirs = -1
+        self._near_end = self._far_end = -1
 
     def describe(self) -> dict[str, Any]:
         """Return the link of a rig file that connects to it."""
@@ -56,7 +56,7 @@ class SerialPort:
         """Take commands, send what is due; called about as often as the rig reports."""
         if self._rig.faults.drop:
             self.stop()
-        if self._ours < 0:
+        if self._near_end < 0:
             return
         for raw in self._buffer.feed(self._read()):
             with contextlib.suppress(ValueError, IndexError, UnicodeDecodeError):
@@ -84,11 +84,11 @@ class SerialPort:
 
     def _read(self) -> bytes:
         try:
-            return os.read(self._ours, 65536)
+            return os.read(self._near_end, 65536)
         except (BlockingIOError, OSError):
             return b""
 
     def _write(self, data: bytes) -> None:
-        # A full terminal means that nobody listens: what does not fit is lost, as on a wire.
+        # A full terminal has no reader: the excess is lost, as on a wire.
         with contextlib.suppress(BlockingIOError, OSError):
-            os.write(self._ours, data)
+            os.write(self._near_end, data)

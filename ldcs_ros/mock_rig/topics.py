@@ -1,4 +1,4 @@
-"""The stand-in rig on ROS topics: what a rig controller and a tracker driver publish, as bytes."""
+"""The mock rig on ROS topics: the messages of a rig controller and a tracker driver, as bytes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MBAR = PressureUnit("mbar")
 
 
 class Topics:
-    """Publishes the rig's reports and takes commands on topics.
+    """The rig on topics: publishes its reports and takes commands.
 
     Args:
         rig: The rig.
@@ -74,7 +74,7 @@ class Topics:
         return link
 
     def receive(self, cdr: bytes) -> None:
-        """Take a command's bytes [mbar]; what is none changes nothing."""
+        """Take a command's bytes [mbar]; invalid bytes change nothing."""
         try:
             values = [_MBAR.to_pascal(float(value)) for value in decode(ARRAY, cdr).data]
         except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes

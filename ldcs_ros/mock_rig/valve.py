@@ -15,7 +15,7 @@ class ValveParameters:
         fill_time: Time constant of rising pressure [s].
         vent_time: Time constant of falling pressure [s].
         dead_time: Delay of its answer [s].
-        dead_band: Change of the set-point that it does not notice [Pa].
+        dead_band: Largest change of the set-point that it ignores [Pa].
         rate_limit: Largest rate of pressure [Pa/s].
         leak_time: Time constant with which a leaking chamber empties [s].
     """
@@ -28,7 +28,7 @@ class ValveParameters:
     leak_time: float = 0.25
 
 
-class Valve:
+class ProportionalValve:
     """Integrates the pressure of one chamber.
 
     Args:
@@ -55,7 +55,7 @@ class Valve:
         if stuck:
             return
         tau = p.fill_time if self._goal > self.pressure else p.vent_time
-        # Exact for a constant goal, so that the course does not depend on how often it is looked at.
+        # Exact for a constant goal, so that the result does not depend on the step.
         change = (self._goal - self.pressure) * -math.expm1(-duration / tau)
         change = min(max(change, -p.rate_limit * duration), p.rate_limit * duration)
         if leak:

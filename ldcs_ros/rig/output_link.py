@@ -19,7 +19,7 @@ from ldcs_ros.rig.clocks import ClockEstimate
 from ldcs_ros.rig.limits import Limits, Pressures
 from ldcs_ros.rig.link import Link, RawPacket
 from ldcs_ros.rig.output.modbus import ModbusMap
-from ldcs_ros.rig.output.process import UNCONFIRMED, Channel
+from ldcs_ros.rig.output.process import UNCONFIRMED, MessageSocket
 from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output.stage import Exchange, OutputStatus
 from ldcs_ros.rig.reading import ARM_NAMES, RawReading
@@ -46,7 +46,7 @@ class _Process:
             start_new_session=True,
         )
         theirs.close()
-        self.channel = Channel(ours)
+        self.channel = MessageSocket(ours)
         self.channel.send(description)
         self.patience = _LONGEST_START
         self.silence = 0.0

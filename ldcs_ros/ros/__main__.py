@@ -14,13 +14,14 @@ from ldcs_ros.ros.common.node_process import run
 from ldcs_ros.ros.live_view import main as live_view
 
 if TYPE_CHECKING:
+    from ldcs_ros.ros.common.node_process import RunnableNode
     from ldcs_ros.ros.common.parameters import NodeParameter
 
 
 def sim(arguments: list[str] | None = None) -> int:
     """Run the live twin until its duration is over, Ctrl-C or SIGTERM; return the exit status."""
 
-    def load() -> Callable[[], object]:
+    def load() -> Callable[[], RunnableNode]:
         from ldcs_ros.ros.sim.simulation_node import SimulationNode
 
         return SimulationNode.started
@@ -36,7 +37,7 @@ def sim(arguments: list[str] | None = None) -> int:
 def bridge(arguments: list[str] | None = None) -> NoReturn:
     """Run the bridge to a rig until Ctrl-C or SIGTERM; end the process with the exit status."""
 
-    def load() -> Callable[[], object]:
+    def load() -> Callable[[], RunnableNode]:
         from ldcs_ros.ros.rig.rig_bridge import RigBridge
 
         return RigBridge
@@ -56,10 +57,10 @@ def bridge(arguments: list[str] | None = None) -> NoReturn:
 def mock_rig(arguments: list[str] | None = None) -> int:
     """Run the mock rig until Ctrl-C or SIGTERM; return the exit status."""
 
-    def load() -> Callable[[], object]:
-        from ldcs_ros.ros.rig.stand_in_rig import StandInRig
+    def load() -> Callable[[], RunnableNode]:
+        from ldcs_ros.ros.rig.mock_rig_node import MockRigNode
 
-        return StandInRig
+        return MockRigNode
 
     def parameters() -> Mapping[str, NodeParameter]:
         from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS

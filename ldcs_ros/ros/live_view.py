@@ -10,13 +10,14 @@ from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ldcs_ros.errors import LdcsError, ViewingError
 from ldcs_ros.ros.common.node_process import own_words, unknown_word
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.subscription import MessageInfo
 
     from ldcs_ros.viewing.live_viewer import LiveViewer
     from ldcs_ros.viewing.web_server import Site
@@ -25,17 +26,17 @@ NAME = "live_view"
 MEMORY = "1GiB"
 _DRAW_PERIOD = 0.04  # s of wall time
 _SEARCH_PERIOD = 0.5
-_PATIENCE = 20.0  # s until a picture without a twin is given up
+_TIMEOUT = 20.0  # s without a twin after which a picture fails
 _HINT_AFTER = 5.0
 _PICTURE_AFTER = 1.0  # s of drawing
 
 
 def main(words: list[str] | None = None) -> int:
-    """Show a running twin until Ctrl-C or SIGTERM; return the exit status, 0, or 2 for what cannot be done."""
+    """Show a running twin until Ctrl-C or SIGTERM; return the exit status: 0, or 2 for an error."""
     parser = argparse.ArgumentParser(prog=NAME, description=__doc__, allow_abbrev=False)
     parser.add_argument("--namespace", default="/ldcs", help="namespace of the twin")
     parser.add_argument("--port", type=int, default=9090, help="port of the page; 0 for any free one")
-    parser.add_argument("--save", type=Path, help="write what is shown into a .rrd file, too")
+    parser.add_argument("--save", type=Path, help="write the view into a .rrd file, too")
     parser.add_argument("--screenshot", type=Path, help="write a picture and end (needs chromium)")
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
     parser.add_argument("--json", action="store_true", help="print the address as JSON")
@@ -81,7 +82,7 @@ def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], 
     from ldcs_ros.viewing.browser_session import open_browser
     from ldcs_ros.viewing.live_viewer import LiveViewer
 
-    _tell(arguments, site.address)
+    _print_address(arguments, site.address)
     if not arguments.no_browser and arguments.screenshot is None:
         open_browser(site.address)
     viewer = LiveViewer(partial(_stream, site.data_url, arguments))
@@ -119,20 +120,20 @@ def _follow(
             first = first or (now if surfaces else 0.0)
         if not (first or hinted) and now > began + _HINT_AFTER:
             hinted = True
-            print(f"{NAME}: no twin is heard in {arguments.namespace} yet; {advice}", file=sys.stderr)
+            print(f"{NAME}: no twin sends in {arguments.namespace} yet; {advice}", file=sys.stderr)
         if arguments.screenshot is not None:
             if first and now > first + _PICTURE_AFTER:
                 save_picture(address, arguments.screenshot)
                 return 0
-            if not first and now > began + _PATIENCE:
+            if not first and now > began + _TIMEOUT:
                 raise ViewingError(
-                    f"no twin sent a surface in {arguments.namespace} within {_PATIENCE:g} s; {advice}"
+                    f"no twin sent a surface in {arguments.namespace} within {_TIMEOUT:g} s; {advice}"
                 )
     return 0
 
 
 class Listener:
-    """Subscribes to what a view shows, whenever it appears.
+    """Subscribes to the topics of a view as they appear.
 
     Args:
         node: The node that listens, in the twin's namespace.
@@ -141,18 +142,18 @@ class Listener:
 
     def __init__(self, node: Node, viewer: LiveViewer) -> None:
         self._node = node
-        self._show = viewer
+        self._viewer = viewer
         self._heard: set[str] = set()
 
     def search(self) -> None:
-        """Look for topics that are new."""
+        """Subscribe to new topics."""
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-        from ldcs_ros.ros.common.optional import message_type
+        from ldcs_ros.ros.common.transport import subscribe_raw
         from ldcs_ros.viewing.live_viewer import is_shown
 
         prefix = self._node.get_namespace().rstrip("/") + "/"
-        # Best effort hears every publisher; a view that is late must not hold one up.
+        # A best-effort subscription receives from every publisher, and a slow view delays none.
         quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
         for topic, types in self._node.get_topic_names_and_types():
             name = topic.removeprefix(prefix)
@@ -160,11 +161,14 @@ class Listener:
                 continue
             if find_spec(types[0].split("/")[0]) is not None:
                 self._heard.add(topic)
-                taken = partial(self._show.receive, name, types[0])
-                self._node.create_subscription(message_type(types[0]), topic, taken, quality, raw=True)
+                callback = partial(self._take, name, types[0])
+                subscribe_raw(self._node, types[0], topic, callback, quality)
+
+    def _take(self, name: str, kind: str, cdr: bytes, info: MessageInfo) -> None:
+        self._viewer.receive(name, kind, cdr)
 
 
-def _stream(url: str, arguments: argparse.Namespace) -> Any:
+def _stream(url: str, arguments: argparse.Namespace) -> object:
     from ldcs_ros.viewing.rerun_package import new_stream, rerun
 
     stream = new_stream(f"twin in {arguments.namespace}")
@@ -176,7 +180,7 @@ def _stream(url: str, arguments: argparse.Namespace) -> Any:
     return stream
 
 
-def _tell(arguments: argparse.Namespace, address: str) -> None:
+def _print_address(arguments: argparse.Namespace, address: str) -> None:
     if arguments.json:
         print(json.dumps({"namespace": arguments.namespace, "url": address}), flush=True)
     else:

@@ -27,7 +27,7 @@ def test_the_bridge_counts_bytes_that_are_no_command_and_goes_on():
     assert bridge.gate.last_refusal.startswith("mode: ")
 
 
-def test_the_stand_in_rig_ignores_bytes_that_are_no_command():
+def test_the_mock_rig_ignores_bytes_that_are_no_command():
     rig = MockRig(load_scene("rig"), controller="remote", clock=time.monotonic)
     topics = Topics(rig, lambda topic, kind, cdr: None)
     for cdr in JUNK:

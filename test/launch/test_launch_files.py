@@ -140,7 +140,7 @@ def test_record_records_without_being_told_where(launch):
     assert recorder.command[:3] == ["ros2", "bag", "record"] and recorder.command[-1] == "out/graph"
 
 
-def test_the_bridge_waits_for_the_stand_in_rig(launch):
+def test_the_bridge_waits_for_the_mock_rig(launch):
     launched = launch("rig.launch.py", mode="live", scene="rig", load="0.01")
     (rig,) = launched.started
     rig_file = Path(rig.parameters["rig_file"])
@@ -155,7 +155,7 @@ def test_the_bridge_waits_for_the_stand_in_rig(launch):
     assert rig.ends_all and bridge.ends_all
 
 
-def test_a_real_rig_needs_no_stand_in(launch):
+def test_a_real_rig_needs_no_mock_rig(launch):
     (bridge,) = launch("rig.launch.py", rig="my_rig.yaml", mode="mirror").started
     assert bridge.executable == "bridge" and bridge.parameters == {"rig": "my_rig.yaml", "mode": "mirror"}
 

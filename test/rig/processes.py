@@ -1,4 +1,4 @@
-"""Bridge and stand-in rig as processes, and a plain ROS user beside them that operates both."""
+"""Bridge and mock rig as processes, and a plain ROS user beside them that operates both."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Process:
 
 
 class Pair:
-    """The stand-in rig and a bridge to it."""
+    """The mock rig and a bridge to it."""
 
     def __init__(self, folder, transport, scene, *, mode, controller="remote", **bridge):
         self.domain = own_domain()

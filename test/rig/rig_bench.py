@@ -1,4 +1,4 @@
-"""A bench for bridge tests: the stand-in rig with a small sheet and the bridge, joined by a real transport."""
+"""A bench for bridge tests: the mock rig with a small sheet and the bridge, joined by a real transport."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.mock_rig.modbus_server import ModbusServer
 from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
-from ldcs_ros.mock_rig.stand import Stand
+from ldcs_ros.mock_rig.server import MockRigServer
 from ldcs_ros.mock_rig.topics import Topics
 from ldcs_ros.rig.bridge import Bridge
 from ldcs_ros.rig.gate import GateState, Mode
@@ -104,7 +104,7 @@ class Bench:
         self.topics = Topics(self.rig, self._to_bridge, pressures=transport == "topics")
         self.port = {"modbus": ModbusServer, "serial": SerialPort}.get(transport)
         self.port = self.port(self.rig) if self.port else None
-        self.stand = Stand(self.rig, [one for one in (self.port, self.topics) if one])
+        self.stand = MockRigServer(self.rig, [one for one in (self.port, self.topics) if one])
         self._receive = lambda topic, cdr: None
         if not self.by_hand:
             self.stand.start()

@@ -1,4 +1,4 @@
-"""Bridge and stand-in rig as processes on the graph: live, shadow, mirror, a fault, Ctrl-C, bags."""
+"""Bridge and mock rig as processes on the graph: live, shadow, mirror, a fault, Ctrl-C, bags."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from simulation_interfaces.srv import LoadWorld  # noqa: E402
 
 from ldcs_ros import load_scene  # noqa: E402
 from ldcs_ros.ros.sim.graph_files import GraphFiles  # noqa: E402
-from ldcs_ros.ros.simulator.answers import Refused  # noqa: E402
+from ldcs_ros.ros.simulator.answers import ResultError  # noqa: E402
 from ldcs_ros.ros.simulator.worlds import Worlds  # noqa: E402
 
 
@@ -59,13 +59,13 @@ def test_a_world_comes_by_name_text_or_path(version, tmp_path):
 
 @pytest.mark.parametrize("version", [version_1, version_2])
 def test_a_request_without_a_resource_or_with_a_foreign_path_is_refused(version, tmp_path):
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ResultError) as caught:
         load(version())
     assert caught.value.code == LoadWorld.Response.NO_RESOURCE
     (tmp_path / "mine.yaml").write_text("title: secret\n")
-    with pytest.raises(Refused, match="graph_folder") as caught:
+    with pytest.raises(ResultError, match="graph_folder") as caught:
         load(version(uri=str(tmp_path / "mine.yaml")))
     assert "secret" not in str(caught.value)
-    with pytest.raises(Refused, match="log of the node") as caught:
+    with pytest.raises(ResultError, match="log of the node") as caught:
         load(version(uri="mine.yaml"), str(tmp_path))
     assert "secret" not in str(caught.value)

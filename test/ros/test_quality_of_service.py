@@ -11,18 +11,18 @@ from ldcs_ros.messages.topics import TOPICS, Topic
 from ldcs_ros.ros.common.qos import POLICIES, check_overrides, profile, with_profile
 
 
-def complaints(**overrides):
-    """What is said of overrides of topics in the namespace /ldcs; double underscores stand for dots."""
+def override_errors(**overrides):
+    """Return the errors of overrides of topics in the namespace /ldcs; double underscores stand for dots."""
     given = {f"qos_overrides./ldcs/{name.replace('__', '.')}": value for name, value in overrides.items()}
     node = SimpleNamespace(
-        _parameter_overrides={name: SimpleNamespace(value=value) for name, value in given.items()},
+        given_parameters=lambda: given,
         resolve_topic_name=lambda name: name if name.startswith("/") else f"/ldcs/{name}",
     )
     return check_overrides(node, TOPICS.values())
 
 
 def test_sound_overrides_are_taken_without_a_word():
-    assert not complaints(
+    assert not override_errors(
         nodes__publisher__reliability="best_effort",
         nodes__publisher__depth=1,
         torque_command__subscription__history="keep_all",
@@ -30,9 +30,9 @@ def test_sound_overrides_are_taken_without_a_word():
     )
 
 
-def test_a_topic_of_another_node_is_only_told():
-    (told,) = complaints(surfice__publisher__depth=5)
-    assert told.endswith("names no topic of this node. Did you mean '/ldcs/surface'?")
+def test_a_topic_of_another_node_is_a_warning():
+    (warning,) = override_errors(surfice__publisher__depth=5)
+    assert warning.endswith("names no topic of this node. Did you mean '/ldcs/surface'?")
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_a_topic_of_another_node_is_only_told():
 )
 def test_what_cannot_be_is_refused_with_name_value_and_choice(name, value, expected):
     with pytest.raises(LdcsError) as caught:
-        complaints(**{name: value})
+        override_errors(**{name: value})
     assert expected in str(caught.value) and name.replace("__", ".") in str(caught.value)
 
 

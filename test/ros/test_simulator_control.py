@@ -16,7 +16,7 @@ from simulation_interfaces.srv import GetSimulationState, ResetSimulation, SetSi
 
 from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer  # noqa: E402
 from ldcs_ros.ros.sim.runner import Runner  # noqa: E402
-from ldcs_ros.ros.simulator.answers import Refused  # noqa: E402
+from ldcs_ros.ros.simulator.answers import ResultError  # noqa: E402
 from ldcs_ros.ros.simulator.control import Control  # noqa: E402
 from ldcs_ros.twin.twin import Twin  # noqa: E402
 
@@ -65,7 +65,7 @@ def test_a_simulation_that_cannot_go_on_stands_and_says_why(failed):
 
 def test_it_cannot_be_played_before_it_was_reset_or_stopped(failed):
     control, scene = failed
-    with pytest.raises(Refused, match="call reset") as refusal:
+    with pytest.raises(ResultError, match="call reset") as refusal:
         set_state(control, SimulationState.STATE_PLAYING)
     assert refusal.value.code == SetSimulationState.Response.STATE_TRANSITION_ERROR
     scene.diverges_at = float("inf")

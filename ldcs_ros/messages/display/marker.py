@@ -44,7 +44,12 @@ _NOTHING = MarkerSpec("", ARROW, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def marker(
-    head: RosMessage, spec: MarkerSpec, *, number: int = 0, colours: Iterable[RosMessage] = (), action: int = ADD
+    head: RosMessage,
+    spec: MarkerSpec,
+    *,
+    number: int = 0,
+    colours: Iterable[RosMessage] = (),
+    action: int = ADD,
 ) -> RosMessage:
     """Return a visualization_msgs/Marker.
 

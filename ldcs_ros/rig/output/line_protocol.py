@@ -7,7 +7,7 @@
 
 Pressures are decimal, in the unit of the rig file. Numbers count up, so that a repeated line is noticed; the
 milliseconds are the rig's clock. The checksum is the exclusive-or of the bytes before the star, two hex
-digits, as in NMEA 0183. A rig vents by itself when no P came for its own timeout.
+digits, as in NMEA 0183. A rig vents by itself when no P comes for its own timeout.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def fields(raw: bytes) -> list[str]:
     Raises:
         ValueError: It is not whole: no star, a wrong checksum, or not ASCII.
     """
-    text, star, told = raw.decode("ascii").strip().rpartition("*")
-    if not star or checksum(text) != int(told, 16):
+    text, star, digits = raw.decode("ascii").strip().rpartition("*")
+    if not star or checksum(text) != int(digits, 16):
         raise ValueError(f"not a whole line: {raw!r}")
     return text.split()
 

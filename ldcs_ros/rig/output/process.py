@@ -28,7 +28,7 @@ _LONGEST_WAIT = 0.05
 Settings = dict[str, Any]
 
 
-class Channel:
+class MessageSocket:
     """JSON lines over a socket; what the other side does not fetch is dropped, never waited for.
 
     Attributes:
@@ -116,7 +116,7 @@ def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) 
     # Where it is allowed, the process that vents runs before those that compute.
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, -10)
-    channel = Channel(socket.socket(fileno=int(sys.argv[1])))
+    channel = MessageSocket(socket.socket(fileno=int(sys.argv[1])))
     start = _first(channel, "link", terminated)
     if start is None:
         return 0
@@ -131,7 +131,7 @@ def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) 
     return _run(stage, channel, terminated)
 
 
-def _first(channel: Channel, key: str, terminated: list[int]) -> dict[str, Any] | None:
+def _first(channel: MessageSocket, key: str, terminated: list[int]) -> dict[str, Any] | None:
     """Return the first message with a key, or None when none can come any more."""
     while not terminated and not channel.lost:
         messages = channel.receive()
@@ -143,7 +143,7 @@ def _first(channel: Channel, key: str, terminated: list[int]) -> dict[str, Any] 
     return None
 
 
-def _run(stage: OutputStage, channel: Channel, terminated: list[int]) -> int:
+def _run(stage: OutputStage, channel: MessageSocket, terminated: list[int]) -> int:
     due = time.monotonic()
     bridge = os.getppid()
     lost = False

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from launch import LaunchContext, LaunchDescriptionEntity
@@ -18,11 +18,14 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from ldcs_ros.ros.common.parameters import NodeParameter
 
+if TYPE_CHECKING:
+    from launch.some_substitutions_type import SomeSubstitutionsType
+
 PACKAGE = "ldcs_ros"
 NAMESPACE = "/ldcs"
 
 
-def argument(name: str, default: Any, meaning: str) -> DeclareLaunchArgument:
+def argument(name: str, default: SomeSubstitutionsType, meaning: str) -> DeclareLaunchArgument:
     """Return an argument with its default and meaning, as `ros2 launch --show-args` prints them."""
     return DeclareLaunchArgument(name, default_value=default, description=meaning)
 
@@ -83,7 +86,7 @@ def file_parameters(context: LaunchContext, file: str, node_name: str) -> dict[s
     return values
 
 
-def _sections(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+def _sections(content: object, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield a pattern of node names and the parameters of each section."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if key == "ros__parameters" and isinstance(value, dict):
@@ -99,13 +102,18 @@ def _sections(content: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def node(
-    context: LaunchContext, executable: str, values: Mapping[str, Any], *, file: str = "", **options: Any
+    context: LaunchContext,
+    executable: str,
+    values: Mapping[str, object],
+    *,
+    file: str = "",
+    **options: object,
 ) -> Node:
     """Return a node of this package; when it ends, everything else ends.
 
     Args:
         context: The launch under way.
-        executable: Which one.
+        executable: Name of the executable.
         values: Parameters by name, which come before those of the file.
         file: Argument that holds the path of a parameter file; '' for none.
         options: Further options of the node, such as its namespace.
@@ -126,7 +134,7 @@ def node(
     )
 
 
-def process(command: list[Any]) -> ExecuteProcess:
+def process(command: list[SomeSubstitutionsType]) -> ExecuteProcess:
     """Return another command; when it fails, the launch fails with it."""
     return ExecuteProcess(
         cmd=command, output="screen", on_exit=ending(" ".join(map(str, command[:3])), always=False)
@@ -136,7 +144,7 @@ def process(command: list[Any]) -> ExecuteProcess:
 def ending(
     name: str, *, always: bool = True
 ) -> Callable[[ProcessExited, LaunchContext], list[LaunchDescriptionEntity] | None]:
-    """Return what ends a launch with a process: with status 0 after a clean end, with a failure status else.
+    """Return the handler that ends a launch with a process: with status 0 after a clean end, else with a failure.
 
     Args:
         name: Name of the process in messages.
@@ -152,5 +160,5 @@ def ending(
     return end
 
 
-def _shown(value: Any) -> str:
+def _shown(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -10,11 +10,14 @@ import threading
 import traceback
 from collections.abc import Callable, Mapping
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 from ldcs_ros.errors import LdcsError
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from ldcs_ros.ros.common.log import Logger
     from ldcs_ros.ros.common.parameters import NodeParameter
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
@@ -24,7 +27,7 @@ IGNORED_SIGNALS = (signal.SIGUSR1, signal.SIGUSR2)
 
 
 class StopSignals:
-    """A note that the process is asked to end; nothing is interrupted.
+    """A record of stop signals; nothing is interrupted.
 
     Under make or `ros2 run` a Ctrl-C comes twice: the second one must not cut short what the first one began.
 
@@ -56,10 +59,10 @@ class StopSignals:
 def check_security(environment: Mapping[str, str]) -> str:
     """Return a warning, or ''.
 
-    With ROS_SECURITY_STRATEGY=Enforce ROS itself refuses to run unprotected; without it, it does so in silence.
+    With ROS_SECURITY_STRATEGY=Enforce ROS refuses to run unprotected; otherwise it runs unprotected silently.
 
     Raises:
-        LdcsError: Security is enforced and cannot be had, for which ROS has no words.
+        LdcsError: Security is enforced without a keystore, which ROS does not report clearly.
     """
     if environment.get("ROS_SECURITY_ENABLE") != "true":
         return ""
@@ -77,16 +80,19 @@ def check_security(environment: Mapping[str, str]) -> str:
     return ""
 
 
-# How long a thread may hold the interpreter while another one, with a deadline, waits for it [s].
+# Longest time that a thread keeps the interpreter from one with a deadline [s].
 _SWITCH_INTERVAL = 5e-4
 _SPIN_PERIOD = 0.1
 
 
-class Stoppable(Protocol):
-    """What `run` expects of a node."""
+class RunnableNode(Protocol):
+    """A node that `run` can run."""
 
     finished: threading.Event
-    failure: str
+
+    @property
+    def failure(self) -> str:
+        """The reason of a failure; '' otherwise."""
 
     def stop(self) -> None:
         """End the work; may be called again."""
@@ -94,9 +100,12 @@ class Stoppable(Protocol):
     def destroy_node(self) -> None:
         """Leave the graph."""
 
+    def get_logger(self) -> Logger:
+        """Return the log of the node."""
+
 
 def own_words(arguments: list[str]) -> list[str]:
-    """Return the words that are not for ROS: those outside of `--ros-args ... --`."""
+    """Return the words outside of `--ros-args ... --`, which are not for ROS."""
     own, for_ros = [], False
     for word in arguments:
         if word in ("--ros-args", "--"):
@@ -107,7 +116,7 @@ def own_words(arguments: list[str]) -> list[str]:
 
 
 def unknown_word(words: list[str]) -> str:
-    """Return why the first of some words cannot be used; '' without words. ROS would drop them without a word."""
+    """Return the error of the first of some words; '' without words. ROS would drop them silently."""
     if not words:
         return ""
     name, assigned, value = words[0].partition(":=")
@@ -134,20 +143,20 @@ def help_text(name: str, parameters: Mapping[str, NodeParameter]) -> str:
 
 def run(
     name: str,
-    load: Callable[[], Callable[[], Any]],
+    load: Callable[[], Callable[[], RunnableNode]],
     arguments: list[str] | None,
     parameters: Callable[[], Mapping[str, NodeParameter]],
 ) -> int:
     """Run a node until it has finished, Ctrl-C or SIGTERM; return the exit status. `--help` starts nothing.
 
     Args:
-        name: What errors are prefixed with.
-        load: Imports what the node needs and returns what makes it.
+        name: Prefix of errors.
+        load: Imports the modules of the node and returns its constructor.
         arguments: Arguments for ROS; None for those of the process.
         parameters: Imports and returns the parameters of the node, for the help.
 
     Returns:
-        0 after a clean end, also by a signal; 1 when the node failed; 2 for input that cannot be used.
+        0 after a clean end, also by a signal; 1 when the node failed; 2 for invalid input.
     """
     signals = StopSignals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -165,7 +174,10 @@ def run(
 
 
 def _run(
-    name: str, load: Callable[[], Callable[[], Any]], arguments: list[str] | None, signals: StopSignals
+    name: str,
+    load: Callable[[], Callable[[], RunnableNode]],
+    arguments: list[str] | None,
+    signals: StopSignals,
 ) -> int:
     try:
         import rclpy
@@ -191,12 +203,12 @@ def _run(
             print(f"{name}: {error}", file=sys.stderr)
             return 2
         executor = SingleThreadedExecutor()
-        executor.add_node(node)
+        executor.add_node(cast("Node", node))
         while not signals.requested.is_set() and not node.finished.is_set():
             try:
                 executor.spin_once(timeout_sec=_SPIN_PERIOD)
             except Exception:
-                # Requests come from anybody, and rclpy's own services fail at some: that ends no run.
+                # Any node sends requests, and rclpy's own services raise on some: that ends no run.
                 if not rclpy.ok():
                     raise
                 node.get_logger().error(traceback.format_exc())

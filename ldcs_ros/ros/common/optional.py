@@ -5,9 +5,12 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rclpy.type_support import check_for_type_support
+
+if TYPE_CHECKING:
+    from rclpy.type_support import Msg
 
 OPTIONAL: dict[str, str] = {
     "ldcs_msgs": "arm_command, lattice_state, solver_status, apply_wrench, load_scene",
@@ -64,7 +67,7 @@ def interface_states(used: set[str]) -> dict[str, str]:
     return words
 
 
-def message_type(name: str) -> Any:
+def message_type(name: str) -> type[Msg]:
     """Return the rclpy class of a type such as 'std_msgs/msg/Header'."""
     package, _, kind = name.split("/")
     return getattr(import_module(f"{package}.msg"), kind)

@@ -1,11 +1,12 @@
-"""Parameters of a node as data, and services that set them."""
+"""Parameters of a node as a table, and services that set them."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -17,6 +18,9 @@ from rclpy.parameter_service import ParameterService
 
 from ldcs_ros.schema.fields import did_you_mean
 
+if TYPE_CHECKING:
+    from rclpy.parameter import AllowableParameterValue
+
 
 @dataclass(frozen=True)
 class NodeParameter:
@@ -25,79 +29,105 @@ class NodeParameter:
     Attributes:
         name: Its name.
         default: Its default, which also gives its type.
-        description: What it means, with unit.
+        description: Its meaning, with unit.
         low: Smallest accepted number; None for no range.
         high: Largest accepted number.
+        off: Number below `low` that switches the parameter off; None for none.
         read_only: Fixed from the start of the node.
         at_configure: Taken when the node is configured: may change while it is unconfigured.
-        note: What the range leaves out.
     """
 
     name: str
-    default: Any
+    default: bool | int | float | str
     description: str
     low: float | None = None
     high: float | None = None
+    off: float | None = None
     read_only: bool = True
     at_configure: bool = False
-    note: str = ""
+
+    @property
+    def accepted(self) -> str:
+        """The accepted numbers in words; '' for no range."""
+        if self.low is None or self.high is None:
+            return ""
+        text = f"{_number(self.low)} ... {_number(self.high)}"
+        return text if self.off is None else f"{_number(self.off)}, or {text}"
+
+
+def bounds_of(cls: type, name: str) -> tuple[float, float]:
+    """Return the bounds that a dataclass declares for one of its fields."""
+    meta = next(field.metadata for field in dataclasses.fields(cls) if field.name == name)
+    return meta["low"], meta["high"]
 
 
 _ROS_PARAMETERS = ("qos_overrides.", "use_sim_time", "start_type_description_service")
 
-# Values between the word that switches something off and the smallest that makes sense.
-_GAPS = {"real_time_factor": (-1.0, 1e-3), "tracker_rate": (0.0, 0.1), "accuracy": (0.0, 1e-9)}
+
+class ParameterNode(Node):
+    """A node with a table of parameters and the services that set them."""
+
+    def declare_table(self, table: Mapping[str, NodeParameter]) -> None:
+        """Declare a table of parameters, warn of given names that it lacks, and offer the parameter services.
+
+        Raises:
+            ParameterException or ValueError: A value given at the start is of a wrong type or out of its range.
+        """
+        for parameter in table.values():
+            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+        reason = validation_error([self.get_parameter(name) for name in table], table)
+        if reason:
+            raise ValueError(reason)
+        # ROS ignores unknown names, so that one file can serve many nodes; a slip should not pass in silence.
+        for name in self.given_parameters():
+            if name not in table and not name.startswith(_ROS_PARAMETERS):
+                hint = did_you_mean(name, table)
+                self.get_logger().warning(f"unknown parameter '{name}' is ignored.{hint}")
+        self._parameter_services = OwnParameterService(self)
+
+    def given_parameters(self) -> dict[str, AllowableParameterValue]:
+        """Return the parameters that were given at the start of the node, also those that are not declared."""
+        return {name: parameter.value for name, parameter in self._parameter_overrides.items()}
+
+    def value(self, name: str) -> Any:  # of the type of the parameter's default
+        """Return the present value of a parameter."""
+        return self.get_parameter(name).value
 
 
-def declare(node: Node, table: Mapping[str, NodeParameter]) -> list[str]:
-    """Declare a table of parameters on a node; return a complaint about each given name that is none of them.
-
-    Raises:
-        ParameterException or ValueError: A value given at the start is of a wrong type or out of its range.
-    """
-    for parameter in table.values():
-        node.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
-    given = [node.get_parameter(name) for name in table]
-    reason = validation_error(given, table)
-    if reason:
-        raise ValueError(reason)
-    # ROS ignores what is not declared, so that one file can serve many nodes; a slip should not pass in silence.
-    return [
-        f"unknown parameter '{name}' is ignored.{did_you_mean(name, table)}"
-        for name in node._parameter_overrides
-        if name not in table and not name.startswith(_ROS_PARAMETERS)
-    ]
-
-
-def validation_error(changes: Iterable[Parameter[Any]], table: Mapping[str, NodeParameter]) -> str:
-    """Return what is wrong with a set of values beyond type and range; '' when nothing is."""
+def validation_error(
+    changes: Iterable[Parameter[AllowableParameterValue]], table: Mapping[str, NodeParameter]
+) -> str:
+    """Return the first error in a set of values beyond type and range; '' for none."""
     for change in changes:
-        parameter = table.get(change.name)
-        if parameter is None or not isinstance(change.value, float):
+        parameter, value = table.get(change.name), change.value
+        if parameter is None or not isinstance(value, float):
             continue
-        low, high = _GAPS.get(change.name, (0.0, 0.0))
-        if not math.isfinite(change.value) or low < change.value < high:
-            expected = parameter.note or f"{parameter.low:g} ... {parameter.high:g}"
-            return (
-                f"parameter {change.name} is {change.value:g}, expected {expected}: {parameter.description}"
-            )
+        valid = math.isfinite(value) and (parameter.low is None or parameter.low <= value)
+        if not valid and value != parameter.off:
+            return f"parameter {change.name} is {value:g}, expected {parameter.accepted}: {parameter.description}"
     return ""
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
     taken = "taken when the node is configured" if parameter.at_configure else ""
+    gap = parameter.accepted if parameter.off is not None else ""
     descriptor = ParameterDescriptor(
         name=parameter.name,
         description=parameter.description,
         read_only=parameter.read_only,
-        additional_constraints="; ".join(filter(None, [parameter.note, taken])),
+        additional_constraints="; ".join(filter(None, [gap, taken])),
     )
     if parameter.low is not None and parameter.high is not None:
+        low = parameter.low if parameter.off is None else parameter.off
         if isinstance(parameter.default, float):
-            bounds = FloatingPointRange(from_value=float(parameter.low), to_value=float(parameter.high))
+            bounds = FloatingPointRange(from_value=float(low), to_value=float(parameter.high))
             descriptor.floating_point_range = [bounds]
         else:
-            whole = IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high), step=1)
+            whole = IntegerRange(from_value=int(low), to_value=int(parameter.high), step=1)
             descriptor.integer_range = [whole]
     return descriptor
 
@@ -136,7 +166,7 @@ class OwnParameterService(ParameterService):
             return SetParametersResult(successful=False, reason=str(error))
 
 
-def _is_unchanged(node: Node, change: Parameter[Any]) -> bool:
+def _is_unchanged(node: Node, change: Parameter[AllowableParameterValue]) -> bool:
     if not node.has_parameter(change.name):
         return False
     present = node.get_parameter(change.name)

@@ -1,17 +1,16 @@
-"""Quality of service: the topic table's, and what parameters `qos_overrides.<topic>.<entity>.<policy>` say instead."""
+"""Quality of service: the topic table's, and its overrides by parameters `qos_overrides.<topic>.<entity>.<policy>`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.messages.topics import Topic
+from ldcs_ros.ros.common.parameters import ParameterNode
 from ldcs_ros.schema.fields import did_you_mean
 
 PREFIX = "qos_overrides."
@@ -26,11 +25,11 @@ POLICIES = (*WORDS, "depth")
 OPTIONS = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 )
-"""What rclpy lets parameters override, for every topic."""
+"""Policies that rclpy lets parameters override, for every topic."""
 
 
 def profile(topic: Topic) -> QoSProfile:
-    """Return what the table says of a topic."""
+    """Return the quality of service of a topic in the table."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_ALL if topic.keep_all else HistoryPolicy.KEEP_LAST,
         depth=topic.depth,
@@ -50,18 +49,20 @@ def with_profile(topic: Topic, qos: QoSProfile) -> Topic:
     )
 
 
-def check_overrides(node: Node, topics: Iterable[Topic]) -> list[str]:
-    """Return a complaint about each override that names no topic of the node: one file may serve many nodes.
+def check_overrides(node: ParameterNode, topics: Iterable[Topic]) -> list[str]:
+    """Return an error text for each override that names no topic of the node: one file may serve many nodes.
 
     Raises:
-        LdcsError: An override of a topic of the node that cannot be: its policy or value is none.
+        LdcsError: An override of a topic of the node has an unknown policy or an invalid value.
     """
     entities = {node.resolve_topic_name(topic.name): ENTITIES[topic.direction] for topic in topics}
-    validation_errors = []
-    for name, value in given_overrides(node).items():
+    unknown = []
+    for name, value in node.given_parameters().items():
+        if not name.startswith(PREFIX):
+            continue
         topic, entity, policy = _parts(name)
         if topic not in entities:
-            validation_errors.append(f"'{name}' names no topic of this node.{did_you_mean(topic, entities)}")
+            unknown.append(f"'{name}' names no topic of this node.{did_you_mean(topic, entities)}")
         elif entity != entities[topic]:
             raise LdcsError(f"'{name}': {topic} has a {entities[topic]} here, no {entity or 'such entity'}")
         elif policy not in POLICIES:
@@ -70,13 +71,7 @@ def check_overrides(node: Node, topics: Iterable[Topic]) -> list[str]:
             raise LdcsError(f"'{name}' is {value!r}, expected one of {', '.join(WORDS[policy])}")
         elif policy == "depth" and not (type(value) is int and 1 <= value <= LONGEST_QUEUE):
             raise LdcsError(f"'{name}' is {value!r}, expected a whole number, 1 ... {LONGEST_QUEUE}")
-    return validation_errors
-
-
-def given_overrides(node: Node) -> Mapping[str, Any]:
-    """Return the overrides that were given when the node was started, by parameter name."""
-    given = node._parameter_overrides
-    return {name: parameter.value for name, parameter in given.items() if name.startswith(PREFIX)}
+    return unknown
 
 
 def _parts(name: str) -> tuple[str, str, str]:

@@ -1,11 +1,11 @@
-"""How a service with `success` and `message` answers what went wrong: with the reason, and never by an exception."""
+"""Errors of a service with `success` and `message`: the answer holds the reason, no exception leaves the service."""
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Protocol
 
 from rclpy.node import Node
 
@@ -13,19 +13,26 @@ from ldcs_ros.errors import LdcsError
 
 
 class InvalidStateError(Exception):
-    """A request that does not fit the present mode; the text says what to do."""
+    """A request that does not fit the present mode; the text names the remedy."""
 
 
 class InactiveNodeError(InvalidStateError):
     """A request to a node that is not in the state of its lifecycle in which it can be granted."""
 
 
+class SuccessResponse(Protocol):
+    """An answer that says whether the request was carried out."""
+
+    success: bool
+    message: str
+
+
 @contextmanager
-def report_errors(node: Node, response: Any) -> Iterator[None]:
-    """Turn what a handler raises into its answer.
+def report_errors(node: Node, response: SuccessResponse) -> Iterator[None]:
+    """Turn the exceptions of a handler into its answer.
 
     Args:
-        node: The node, which logs what is a mistake of ours.
+        node: The node, which logs unexpected exceptions.
         response: Answer with the fields success and message.
     """
     try:
@@ -33,6 +40,6 @@ def report_errors(node: Node, response: Any) -> Iterator[None]:
     except (InvalidStateError, LdcsError) as error:
         response.success, response.message = False, str(error)
     except Exception as error:
-        # It would end the process; a mistake of ours must be seen, and the run goes on.
+        # It would end the process; an unexpected exception is logged, and the run goes on.
         node.get_logger().error(traceback.format_exc())
         response.success, response.message = False, f"failed: {error!r}"

@@ -3,44 +3,74 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
-from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.subscription import Subscription
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import MessageInfo, Subscription
 
 from ldcs_ros.messages.topics import Topic
 from ldcs_ros.ros.common.optional import import_problem, message_type
 from ldcs_ros.ros.common.qos import OPTIONS, profile, with_profile
 
-# An executor looks at all its work between two messages; a flood is taken in handfuls, and others get their turn.
+if TYPE_CHECKING:
+    from rclpy.type_support import Msg
+
+# An executor checks all its work between two messages; a flood is taken in batches, so that other work goes on.
 _BATCH_SIZE = 100
 _PUBLISHERS = 256
+
+
+def subscribe_raw(
+    node: Node,
+    kind: str,
+    topic: str,
+    callback: Callable[[bytes, MessageInfo], None],
+    qos: QoSProfile,
+    options: QoSOverridingOptions | None = None,
+) -> Subscription[Msg]:
+    """Return a subscription that hands over each message as its bytes, with the middleware's information.
+
+    Args:
+        node: The node that subscribes.
+        kind: Message type, such as 'std_msgs/msg/Header'.
+        topic: Name of the topic.
+        callback: Receiver of the messages.
+        qos: Quality of service.
+        options: Policies that parameters may override; None for none.
+    """
+    # The types of rclpy do not know raw subscriptions.
+    typed = cast("Callable[[Msg, MessageInfo], None]", callback)
+    return node.create_subscription(
+        message_type(kind), topic, typed, qos, qos_overriding_options=options, raw=True
+    )
 
 
 class DrainingSubscription:
     """The callback of a raw subscription.
 
-    A queue that is full drops its oldest messages without a word; the numbers that publishers give their messages
-    tell how many. Middleware that hands on no such numbers leaves `missed` at zero.
+    A full queue drops its oldest messages silently; gaps in the numbers of a publisher's messages count them.
+    Middleware without such numbers leaves `missed` at zero.
 
     Args:
-        receive: Gets the bytes of each message.
+        receive: Receiver of the bytes of each message.
 
     Attributes:
-        subscription: To be set once the subscription stands.
-        missed: Messages that were overwritten before they could be taken.
+        subscription: The subscription; None until it is made.
+        missed: Number of messages overwritten in the queue.
     """
 
     def __init__(self, receive: Callable[[bytes], None]) -> None:
-        self.subscription: Subscription[Any] | None = None
+        self.subscription: Subscription[Msg] | None = None
         self.missed = 0
         self._receive = receive
         self._latest: OrderedDict[bytes, int] = OrderedDict()
 
-    def __call__(self, cdr: bytes, info: Mapping[str, Any]) -> None:
+    def __call__(self, cdr: bytes, info: MessageInfo) -> None:
         """Hand on a message, and those that wait in the queue."""
         self._take(cdr, info)
         subscription = self.subscription
@@ -48,12 +78,13 @@ class DrainingSubscription:
             return
         with subscription.handle:
             for _ in range(_BATCH_SIZE):
-                taken: Any = subscription.handle.take_message(subscription.msg_type, True)
+                raw = subscription.handle.take_message(subscription.msg_type, True)
+                taken = cast("tuple[bytes, MessageInfo] | None", raw)
                 if taken is None:
                     return
                 self._take(*taken)
 
-    def _take(self, cdr: bytes, info: Mapping[str, Any]) -> None:
+    def _take(self, cdr: bytes, info: MessageInfo) -> None:
         publisher, number = info.get("publisher_gid"), info.get("publication_sequence_number")
         if publisher is not None and number is not None:
             self._count(publisher["data"], number)
@@ -74,10 +105,10 @@ class TopicTransport:
         node: The node that owns publishers and subscriptions.
     """
 
-    def __init__(self, node: LifecycleNode) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._publishers: dict[str, Publisher[Any]] = {}
-        self._subscriptions: list[Subscription[Any]] = []
+        self._publishers: dict[str, Publisher[Msg]] = {}
+        self._subscriptions: list[Subscription[Msg]] = []
         self._callbacks: list[DrainingSubscription] = []
         self._opened: dict[str, Topic] = {}
 
@@ -93,15 +124,15 @@ class TopicTransport:
         for topic in asked:
             if topic.name in self._opened or import_problem(topic.type.split("/")[0]):
                 continue
-            kind, qos = message_type(topic.type), profile(topic)
+            qos = profile(topic)
             if topic.direction == "out":
                 self._publishers[topic.name] = self._node.create_publisher(
-                    kind, topic.name, qos, qos_overriding_options=OPTIONS
+                    message_type(topic.type), topic.name, qos, qos_overriding_options=OPTIONS
                 )
             else:
                 callback = DrainingSubscription(partial(receive, topic.name))
-                callback.subscription = self._node.create_subscription(
-                    kind, topic.name, callback, qos, qos_overriding_options=OPTIONS, raw=True
+                callback.subscription = subscribe_raw(
+                    self._node, topic.type, topic.name, callback, qos, OPTIONS
                 )
                 self._callbacks.append(callback)
                 self._subscriptions.append(callback.subscription)
@@ -127,7 +158,7 @@ class TopicTransport:
 
     @property
     def missed(self) -> int:
-        """Commands that were overwritten in a full queue before they could be taken."""
+        """Number of commands overwritten in a full queue."""
         return sum(callback.missed for callback in self._callbacks)
 
     def has_subscribers(self, topic: str) -> bool:
@@ -136,7 +167,7 @@ class TopicTransport:
         return publisher is not None and publisher.get_subscription_count() > 0
 
     def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
-        """Publish one message; commands that the twin emits are not ours to publish."""
+        """Publish one message; commands that the twin emits are left to their senders."""
         publisher = self._publishers.get(topic)
         if publisher is not None:
             publisher.publish(cdr)

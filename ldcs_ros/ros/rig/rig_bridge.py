@@ -7,12 +7,9 @@ import time
 import traceback
 from collections import deque
 from functools import partial
-from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import MessageInfo
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from ldcs_ros import load_scene
@@ -28,12 +25,11 @@ from ldcs_ros.rig.rig_bag import RigBag
 from ldcs_ros.rig.rig_file import RigFile, load_rig
 from ldcs_ros.rig.topic_link import TopicLink
 from ldcs_ros.rig.vent import vent_rig
-from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameters import OwnParameterService, declare
+from ldcs_ros.ros.common.log import ThrottledLog
+from ldcs_ros.ros.common.parameters import ParameterNode
 from ldcs_ros.ros.common.qos import check_overrides
-from ldcs_ros.ros.common.transport import TopicTransport
+from ldcs_ros.ros.common.transport import TopicTransport, subscribe_raw
 from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS
-from ldcs_ros.ros.rig.throttled_log import ThrottledLog
 from ldcs_ros.ros.sim.runner import PeriodicTask
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
@@ -43,16 +39,17 @@ DEFAULT_NAMESPACE = "/ldcs"
 PERIOD = 0.01
 DIAGNOSTICS_PERIOD = 1.0
 STATUS_PERIOD = 2.0
+ARRAY = "std_msgs/msg/Float64MultiArray"
 VENT = "vent"
 _LONGEST_PASS = 1.0  # s: a pass of the loop that takes longer is not waited for at the end
 
 
-class RigBridge(Node):
-    """Runs a bridge on a thread of its own.
+class RigBridge(ParameterNode):
+    """A bridge on a thread of its own.
 
     Attributes:
         finished: Set when the duration is over, or the bridge has failed.
-        failure: Why it failed; '' otherwise.
+        failure: Reason of the failure; '' otherwise.
 
     Raises:
         LdcsError: A parameter does not fit; nothing was started.
@@ -60,31 +57,29 @@ class RigBridge(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
-        for validation_error in declare(self, BRIDGE_PARAMETERS):
-            self.get_logger().warning(validation_error)
-        self._whole_parameters = OwnParameterService(self)
+        self.declare_table(BRIDGE_PARAMETERS)
         self.finished = threading.Event()
         self._stopping = threading.Event()
         self.failure = ""
         self._lock = threading.Lock()
         self._commands: deque[tuple[float, bytes]] = deque(maxlen=100)
-        if not self._value("rig"):
-            raise BridgeError("which rig? Give its file: --ros-args -p rig:=my_rig.yaml")
-        rig = load_rig(self._value("rig"))
-        if self._value("mode") == VENT:
+        if not self.value("rig"):
+            raise BridgeError("got no rig, expected its file: --ros-args -p rig:=my_rig.yaml")
+        rig = load_rig(self.value("rig"))
+        if self.value("mode") == VENT:
             self._vent(rig)
             return
         self._bridge = Bridge(
-            load_scene(self._value("scene")),
+            load_scene(self.value("scene")),
             rig,
-            mode=mode_of(self._value("mode")),
+            mode=mode_of(self.value("mode")),
             clock=time.monotonic,
-            settings=RunSettings(publish_rate=self._value("publish_rate"), accuracy=self._value("accuracy")),
+            settings=RunSettings(publish_rate=self.value("publish_rate"), accuracy=self.value("accuracy")),
         )
         self._health = Health(self._bridge)
-        self._transport = TopicTransport(self)  # type: ignore[arg-type]
-        for validation_error in check_overrides(self, self._published()):
-            self.get_logger().warning(validation_error)
+        self._transport = TopicTransport(self)
+        for unknown in check_overrides(self, self._published()):
+            self.get_logger().warning(unknown)
         self._recorder: Recorder | None = None
         self._record()
         self._join_graph()
@@ -108,7 +103,7 @@ class RigBridge(Node):
         self._transport.close()
 
     def _vent(self, rig: RigFile) -> None:
-        """Vent the rig and finish: the mode of an operator who has nothing else."""
+        """Vent the rig and finish: the mode that needs no twin and no arming."""
         self._stopping.set()
         left = vent_rig(rig, show=print_line)
         if left:
@@ -118,11 +113,8 @@ class RigBridge(Node):
             self.get_logger().info("vented: the rig confirmed a set-point of zero")
         self.finished.set()
 
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
-
     def _record(self) -> None:
-        folder = self._value("record")
+        folder = self.value("record")
         if not folder:
             return
         twin = self._bridge.twin
@@ -147,8 +139,8 @@ class RigBridge(Node):
     def _join_graph(self) -> None:
         self._transport.open(self._published(), lambda topic, cdr: None)
         self._bridge.twin.sinks.append(self._transport)
-        self.create_subscription(Float64MultiArray, "pressure_command", self._hear, 10, raw=True)
-        # Rigs publish reliably or not; this listens to both.
+        subscribe_raw(self, ARRAY, "pressure_command", self._hear, QoSProfile(depth=10))
+        # A best-effort subscription receives from reliable and best-effort publishers.
         listening = QoSProfile(
             history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.BEST_EFFORT
         )
@@ -157,7 +149,7 @@ class RigBridge(Node):
                 continue
             for topic, rule in link.incoming.items():
                 callback = partial(self._read, link, topic)
-                self.create_subscription(message_type(rule.type), topic, callback, listening, raw=True)
+                subscribe_raw(self, rule.type, topic, callback, listening)
         self.create_service(Trigger, "~/arm", self._arm)
         self.create_service(Trigger, "~/disarm", self._disarm)
 
@@ -192,13 +184,13 @@ class RigBridge(Node):
     def _run(self) -> None:
         try:
             self._repeat()
-        except Exception as error:  # whatever it is: the operator is told, and the node ends, which vents
+        except Exception as error:  # whatever it is: the operator reads it, and the node ends, which vents
             self.failure = f"the bridge stopped: {error!r}"
             self.get_logger().error(f"{self.failure}\n{traceback.format_exc()}")
             self.finished.set()
 
     def _repeat(self) -> None:
-        duration = self._value("duration")
+        duration = self.value("duration")
         periodic_tasks = [PeriodicTask(DIAGNOSTICS_PERIOD, self._diagnose)]
         periodic_tasks.append(PeriodicTask(STATUS_PERIOD, lambda: print_line(headline(self._bridge))))
         deadline = time.monotonic()
@@ -221,7 +213,7 @@ class RigBridge(Node):
         while self._commands:
             heard, cdr = self._commands.popleft()
             try:
-                self._bridge.command(decode("std_msgs/msg/Float64MultiArray", cdr).data, heard)
+                self._bridge.command(decode(ARRAY, cdr).data, heard)
             except BridgeError:
                 pass  # counted by the gate, and logged with its reason
             except Exception as error:  # foreign bytes: the decoder fails in as many ways as there are bytes
@@ -248,6 +240,6 @@ class RigBridge(Node):
 
 
 def _heard(info: MessageInfo) -> float:
-    """Return the steady time at which a message was heard [s]: it waits in DDS while this process is starved."""
+    """Return the arrival of a message as a steady time [s]: it waits in DDS while this process is starved."""
     waited = max(time.time_ns() - info["received_timestamp"], 0) * 1e-9
     return time.monotonic() - waited

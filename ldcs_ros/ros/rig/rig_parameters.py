@@ -1,10 +1,11 @@
-"""The parameters of the bridge and of the stand-in rig as data."""
+"""The parameters of the bridge and of the mock rig as data."""
 
 from __future__ import annotations
 
+from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.mock_rig.faults import Faults
 from ldcs_ros.mock_rig.rig import CONTROLLERS, Hidden
-from ldcs_ros.ros.common.parameters import NodeParameter
+from ldcs_ros.ros.common.parameters import NodeParameter, bounds_of
 
 TRANSPORTS = ("topics", "modbus", "serial")
 
@@ -24,20 +25,27 @@ _BRIDGE = (
     NodeParameter(
         "record", "", "Folder for the bags <record>/twin and <record>/rig; it must not exist. Empty for none."
     ),
-    NodeParameter("publish_rate", 50.0, "Reports of the twin's state a second [Hz].", 0.1, 2000.0),
-    NodeParameter("accuracy", 1e-4, "Largest node position error asked of the solver [m].", 1e-9, 1e-2),
+    NodeParameter("publish_rate", 50.0, "Reports of the twin's state per second [Hz].", 0.1, 2000.0),
+    NodeParameter(
+        "accuracy",
+        1e-4,
+        "Largest node position error asked of the solver [m].",
+        *bounds_of(Solver, "accuracy"),
+    ),
     NodeParameter("duration", 0.0, "Time after which the bridge ends [s]; 0 for never.", 0.0, 1e9),
 )
 
 _FAULTS = Faults()
 _MOCK_RIG = (
-    NodeParameter("scene", "rig", "Scene of the rig before anything is hidden in it."),
+    NodeParameter("scene", "rig", "Scene of the rig without its hidden parameters."),
     NodeParameter(
-        "transport", "topics", f"What carries pressures and set-points: one of {', '.join(TRANSPORTS)}."
+        "transport", "topics", f"Transport of pressures and set-points: one of {', '.join(TRANSPORTS)}."
     ),
-    NodeParameter("controller", "wave", f"Who gives set-points: one of {', '.join(CONTROLLERS)}."),
+    NodeParameter("controller", "wave", f"Source of set-points: one of {', '.join(CONTROLLERS)}."),
     NodeParameter("port", 0, "TCP port of the Modbus server; 0 for any free one.", 0, 65535),
-    NodeParameter("rig_file", "", "Where to write the rig file that connects a bridge; empty to print it."),
+    NodeParameter(
+        "rig_file", "", "File into which the rig file that connects a bridge is written; empty to print it."
+    ),
     NodeParameter(
         "stiffness_factor", Hidden.stiffness, "Factor on the stiffness of the sheet's springs.", 0.1, 10.0
     ),
@@ -46,14 +54,14 @@ _MOCK_RIG = (
     NodeParameter(
         "tracker_delay",
         Hidden.tracker_delay,
-        "From a measurement of the tracker to its delivery [s].",
+        "Time from a measurement of the tracker to its delivery [s].",
         0.0,
         1.0,
     ),
-    NodeParameter("clock_epoch", 1000.0, "What the rig's clock shows at its start [s].", 0.0, 1e9),
-    NodeParameter("fault_mute", _FAULTS.mute, "It says nothing more, but still obeys.", read_only=False),
+    NodeParameter("clock_epoch", 1000.0, "Reading of the rig's clock at its start [s].", 0.0, 1e9),
+    NodeParameter("fault_mute", _FAULTS.mute, "It reports nothing more, but still obeys.", read_only=False),
     NodeParameter(
-        "fault_delay", _FAULTS.delay, "What it says comes this much later [s].", 0.0, 60.0, read_only=False
+        "fault_delay", _FAULTS.delay, "Its reports come this much later [s].", 0.0, 60.0, read_only=False
     ),
     NodeParameter(
         "fault_stuck",
@@ -83,7 +91,7 @@ _MOCK_RIG = (
     NodeParameter(
         "fault_nan",
         _FAULTS.nan,
-        "Arm whose pressure sensor reports nonsense: left, right, or empty for none.",
+        "Arm whose pressure sensor reports invalid values: left, right, or empty for none.",
         read_only=False,
     ),
     NodeParameter("fault_drop", _FAULTS.drop, "The connection is gone.", read_only=False),

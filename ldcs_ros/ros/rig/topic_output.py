@@ -8,10 +8,11 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
@@ -23,6 +24,9 @@ from ldcs_ros.rig.output.topics import TopicDevice
 from ldcs_ros.rig.topic_link import Incoming, values_of
 from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.ros.common.optional import message_type
+
+if TYPE_CHECKING:
+    from rclpy.type_support import Msg
 
 NAMESPACE = "/ldcs"
 SPINNING = "output graph"
@@ -47,7 +51,7 @@ def topic_device(kind: str, settings: Settings, limits: Limits, clock: Callable[
         rate=settings["rate"],
         reads_back=any(rule.gives == "pressure_command" for rule in rules),
     )
-    # Rigs publish reliably or not; this listens to both.
+    # A best-effort subscription receives from reliable and best-effort publishers.
     listening = QoSProfile(
         history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT
     )
@@ -57,7 +61,7 @@ def topic_device(kind: str, settings: Settings, limits: Limits, clock: Callable[
     return device
 
 
-def _hear(device: TopicDevice, rule: Incoming, message: Any) -> None:
+def _hear(device: TopicDevice, rule: Incoming, message: Msg) -> None:
     try:
         values = [(name, float(value)) for name, value in values_of(rule, message)]
     except Exception:  # a foreign message fails in as many ways as there are messages
@@ -67,7 +71,7 @@ def _hear(device: TopicDevice, rule: Incoming, message: Any) -> None:
         device.report(rule.gives, name, value)
 
 
-def _spin(node: Any) -> None:
+def _spin(node: Node) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     with contextlib.suppress(ExternalShutdownException):
@@ -79,7 +83,7 @@ def main() -> NoReturn:
     """Run the output process and end it with its exit status."""
     status = serve(topic_device)
     rclpy.try_shutdown()
-    # A thread inside ROS would abort the interpreter's end, and the status would no longer say what was confirmed.
+    # A thread inside ROS would abort the interpreter's end, and the exit status would be lost.
     for thread in threading.enumerate():
         if thread.name == SPINNING:
             thread.join(_LONGEST_END)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from ldcs_ros.errors import LdcsError, SceneError
+from ldcs_ros.ros.common.log import Logger
 from ldcs_ros.scene.load import load_scene, scene_of, shipped_scenes
 from ldcs_ros.scene.scene import Scene
 
@@ -20,7 +20,7 @@ class GraphFiles:
         logger: Log of the node, which may quote a file.
     """
 
-    def __init__(self, folder: str, logger: Any) -> None:
+    def __init__(self, folder: str, logger: Logger) -> None:
         self._folder = Path(folder).expanduser().resolve() if folder else None
         self._logger = logger
 

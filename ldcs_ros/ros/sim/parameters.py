@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from ldcs_ros.ros.common.parameters import NodeParameter, validation_error
+from ldcs_ros.integrators.settings import Solver
+from ldcs_ros.ros.common.parameters import NodeParameter, bounds_of, validation_error
+from ldcs_ros.sensors import TrackerParameters
+
+if TYPE_CHECKING:
+    from rclpy.parameter import AllowableParameterValue
 
 _at_configure = partial(NodeParameter, read_only=False, at_configure=True)
 
@@ -17,11 +22,11 @@ _ALL = (
     NodeParameter(
         "real_time_factor",
         1.0,
-        "Simulated seconds a second of wall time; -1 for as fast as possible.",
-        -1.0,
+        "Simulated seconds per second of wall time; -1 for as fast as possible.",
+        1e-3,
         1000.0,
+        off=-1.0,
         read_only=False,
-        note="-1, or 0.001 and more",
     ),
     NodeParameter(
         "duration", 0.0, "Simulation time at which the node ends [s]; 0 for never.", 0.0, 1e9, read_only=False
@@ -35,15 +40,14 @@ _ALL = (
     ),
     _at_configure("seed", -1, "Seed of the sensors' noise; -1 for the scene's own.", -1, 2**31 - 1),
     _at_configure(
-        "publish_rate", 50.0, "Reports of the state a second of simulation time [Hz].", 0.1, 2000.0
+        "publish_rate", 50.0, "Reports of the state per second of simulation time [Hz].", 0.1, 2000.0
     ),
     _at_configure(
         "tracker_rate",
         0.0,
-        "Measurements of the tracker a second [Hz], 0.1 and more; 0 for the scene's own.",
-        0.0,
-        2000.0,
-        note="0, or 0.1 and more",
+        "Measurements of the tracker per second [Hz]; 0 for the scene's own.",
+        *bounds_of(TrackerParameters, "rate"),
+        off=0.0,
     ),
     NodeParameter(
         "command_timeout",
@@ -66,7 +70,7 @@ _ALL = (
     _at_configure(
         "frame_prefix",
         "",
-        "What stands before the name of each frame, such as 'twin1/'; one tf tree holds many twins.",
+        "Prefix of the name of each frame, such as 'twin1/'; one tf tree holds many twins.",
     ),
     _at_configure(
         "record_detail",
@@ -77,9 +81,8 @@ _ALL = (
         "accuracy",
         0.0,
         "Largest node position error asked of the solver [m]; 0 for the scene's own.",
-        0.0,
-        1e-2,
-        note="0, or 1e-9 and more",
+        *bounds_of(Solver, "accuracy"),
+        off=0.0,
     ),
     _at_configure(
         "ambient_pressure", 101325.0, "Absolute pressure of the air, added to gauge pressures [Pa].", 0.0, 2e5
@@ -90,12 +93,12 @@ _ALL = (
 PARAMETERS: dict[str, NodeParameter] = {parameter.name: parameter for parameter in _ALL}
 
 
-def check(changes: list[Parameter[Any]], *, configured: bool) -> SetParametersResult:
+def check(changes: list[Parameter[AllowableParameterValue]], *, configured: bool) -> SetParametersResult:
     """Accept or refuse a set of values of the simulation node as a whole.
 
     Args:
         changes: The values.
-        configured: The node has taken its values, and lets them go only when it is cleaned up.
+        configured: Whether the node has taken its values; a clean-up releases them.
     """
     late = [one.name for one in changes if one.name in PARAMETERS and PARAMETERS[one.name].at_configure]
     reason = validation_error(changes, PARAMETERS)

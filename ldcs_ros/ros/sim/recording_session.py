@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.ros.common.log import Logger
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.twin import Twin
 
 
 class RecordingSession:
-    """Keeps the recorder of a twin.
+    """The recorder of a live twin, bag after bag.
 
     Args:
         logger: Logger of errors.
 
     Attributes:
-        recorder: What records, if anything does.
-        error: Why nothing or not all is recorded although it was asked for; '' otherwise.
+        recorder: The recorder; None for none.
+        error: Reason why not all is recorded although a recording was asked for; '' otherwise.
         failure: The first such error of all recordings; '' while there was none.
     """
 
-    def __init__(self, logger: Any) -> None:
+    def __init__(self, logger: Logger) -> None:
         self._logger = logger
         self.recorder: Recorder | None = None
         self.error = ""
@@ -41,7 +41,7 @@ class RecordingSession:
             self._logger.info(f"recording to {folder}")
 
     def watch(self) -> None:
-        """Tell that the disk ended the recording: once here, and `error` says it all along."""
+        """Log once that the disk ended the recording; `error` keeps the reason."""
         if self.recorder is not None and self.recorder.error is not None and not self.error:
             self._report(self.recorder.error)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from functools import partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.messages.cdr import nanoseconds
@@ -25,7 +25,7 @@ _REQUEST_TIMEOUT = 10.0
 
 
 class RunMode(enum.Enum):
-    """What the runner does. STOPPED is the scene's start, before anybody let time run, stepped or paused."""
+    """The mode of a runner. STOPPED is the scene's start, before the first run, step or pause."""
 
     STOPPED = "stopped"
     RUNNING = "running"
@@ -35,44 +35,44 @@ class RunMode(enum.Enum):
 
 
 class PeriodicTask:
-    """A chore of the runner's thread.
+    """A periodic task of the runner's thread.
 
     Args:
         period: Wall time between two calls [s].
-        task: What is called.
+        task: The task.
         delay: Wall time before the first call [s].
     """
 
     def __init__(self, period: float, task: Callable[[], None], *, delay: float = 0.0) -> None:
         self._period = period
-        self._chore = task
+        self._task = task
         self._next = time.monotonic() + delay
 
     def run_if_due(self) -> None:
-        """Call the chore if its time has come; missed times are not made up for."""
+        """Run the task if it is due; missed times are skipped."""
         now = time.monotonic()
         if now >= self._next:
             self._next = max(self._next + self._period, now)
-            self._chore()
+            self._task()
 
 
 class Runner:
     """Advances a twin in real time (or as fast as it can) and serves requests in between.
 
-    Commands that arrive take effect after the next event, so that nothing acts before it came.
+    Commands that arrive take effect after the next event, so that no command acts before its arrival.
 
     Args:
-        twin: What is advanced.
-        pacer: Says when.
+        twin: The twin.
+        pacer: Pacer of its events.
         duration: Simulation time at which it finishes [s]; 0 for never.
-        on_failure: Told why, when the simulation cannot go on.
-        on_finish: Told when the duration is over.
+        on_failure: Called with the reason when the simulation cannot go on.
+        on_finish: Called when the duration is over.
         on_reset: Called on the runner's thread before the twin goes back to its start.
 
     Attributes:
-        mode: What it does at present.
-        failure: Why the simulation cannot go on; '' while it can.
-        refusal_reason: Why commands are refused at present; '' while they are taken.
+        mode: Its present mode.
+        failure: Reason why the simulation cannot go on; '' while it can.
+        refusal_reason: Reason why commands are refused at present; '' while they are taken.
         periodic_tasks: Called on the runner's thread from time to time; filled before `start`.
         meter: Real-time factor and step times.
     """
@@ -99,7 +99,7 @@ class Runner:
         self._on_finish = on_finish
         self._on_reset = on_reset
         self._commands: deque[tuple[str, bytes]] = deque()
-        self._requests: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
+        self._requests: deque[tuple[Callable[[], None], Callable[[], bool]]] = deque()  # run, cancel
         self._wake = threading.Event()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="simulation", daemon=True)
@@ -117,13 +117,22 @@ class Runner:
             self._thread.join()
 
     def post(self, topic: str, cdr: bytes) -> None:
-        """Hand in a command; it is applied, or refused and counted, after the next event."""
+        """Submit a command; it is applied, or refused and counted, after the next event."""
         self._commands.append((topic, cdr))
 
     def submit(self, function: Callable[[], Result]) -> Future[Result]:
-        """Let a function run on the runner's thread when it comes round to it, after earlier requests."""
+        """Run a function on the runner's thread after earlier requests."""
         future: Future[Result] = Future()
-        self._requests.append((future, function))
+
+        def run() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                future.set_result(function())
+            except Exception as error:
+                future.set_exception(error)
+
+        self._requests.append((run, future.cancel))
         self._wake.set()
         return future
 
@@ -131,7 +140,7 @@ class Runner:
         """Run a function on the runner's thread and return what it returns.
 
         Raises:
-            NotNow: The thread did not come round to it in time; whatever else the function raises.
+            InvalidStateError: The thread was busy for the timeout. Exceptions of the function pass.
         """
         future = self.submit(function)
         try:
@@ -250,8 +259,8 @@ class Runner:
                 self._apply_commands()
                 self._wake.wait(_IDLE_SLEEP)
         self.twin.vent(0.0)
-        for future, _ in self._requests:
-            future.cancel()
+        for _, cancel in self._requests:
+            cancel()
 
     def _go_on(self) -> None:
         due = self.twin.next_time
@@ -287,13 +296,8 @@ class Runner:
 
     def _serve_requests(self) -> None:
         while self._requests:
-            future, function = self._requests.popleft()
-            if not future.set_running_or_notify_cancel():
-                continue
-            try:
-                future.set_result(function())
-            except Exception as error:
-                future.set_exception(error)
+            run, _ = self._requests.popleft()
+            run()
 
     def _apply_commands(self) -> None:
         while self._commands:

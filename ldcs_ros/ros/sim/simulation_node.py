@@ -7,16 +7,15 @@ import threading
 import time
 import traceback
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError, LdcsError, SceneError
 from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
-from ldcs_ros.ros.common.parameters import OwnParameterService, declare
+from ldcs_ros.ros.common.parameters import ParameterNode
 from ldcs_ros.ros.common.qos import check_overrides
 from ldcs_ros.ros.common.refusals import InactiveNodeError, InvalidStateError
 from ldcs_ros.ros.common.transport import TopicTransport
@@ -27,7 +26,7 @@ from ldcs_ros.ros.sim.pacing import Pacer, tolerance
 from ldcs_ros.ros.sim.recording_session import RecordingSession
 from ldcs_ros.ros.sim.runner import PeriodicTask, Runner
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.ros.sim.services import AdvanceService, SceneService, Services, WrenchService
+from ldcs_ros.ros.sim.services import Services
 from ldcs_ros.ros.sim.status import StatusLine, health
 from ldcs_ros.scene.load import shipped_scenes
 from ldcs_ros.scene.scene import Scene
@@ -36,6 +35,8 @@ from ldcs_ros.twin.twin import Twin
 from ldcs_ros.twin.watchdog import Watchdog
 
 if TYPE_CHECKING:
+    from rclpy.parameter import AllowableParameterValue, Parameter
+
     from ldcs_ros.ros.simulator.services import SimulatorServices
 
 NODE_NAME = "ldcs_sim"
@@ -44,25 +45,24 @@ DIAGNOSTICS_PERIOD = 1.0
 INACTIVE = "the node is inactive; activate it first"
 
 
-class SimulationNode(LifecycleNode):
+class SimulationNode(ParameterNode, LifecycleNode):
     """The node: builds a twin when configured, lets its time run while active.
 
     Attributes:
         finished: Set when the duration is over, or the node was shut down.
+        problem: Error of the last configuration that failed; None for none.
     """
 
-    # rclpy destroys a node that was refused before it had any.
+    # rclpy destroys a node that was refused before it had this attribute.
     _simulator: SimulatorServices | None = None
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, namespace=DEFAULT_NAMESPACE, start_parameter_services=False)
-        for validation_error in declare(self, parameters.PARAMETERS):
-            self.get_logger().warning(validation_error)
+        self.declare_table(parameters.PARAMETERS)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._parameters_changed)
-        self._whole_parameters = OwnParameterService(self)
         self.finished = threading.Event()
-        self._problem: LdcsError | None = None
+        self.problem: LdcsError | None = None
         self._transport = TopicTransport(self)
         self._clock_monitor = ClockMonitor(self)
         self._duplicate_nodes = DuplicateNodeCheck(self)
@@ -73,9 +73,9 @@ class SimulationNode(LifecycleNode):
         self._is_active = False
         self._triggers = Services(self, self.active_runner)
         self._scenes = SceneLoader(self, self.active_runner, build=self._twin_of, swap_scene=self._swap_scene)
-        self._files = GraphFiles(self._value("graph_folder"), self.get_logger())
+        self._files = GraphFiles(self.value("graph_folder"), self.get_logger())
         # A value given at the start is the operator's; one that is set later comes from the graph.
-        self._given = {name: self._value(name) for name in ("scene", "record")}
+        self._given = {name: self.value(name) for name in ("scene", "record")}
         self._offer_own_services()
         self._simulator = self._offer_simulator_services()
 
@@ -87,11 +87,11 @@ class SimulationNode(LifecycleNode):
             LdcsError: It could not be configured.
         """
         node, done = cls(), TransitionCallbackReturn.SUCCESS
-        if node._value("autostart"):
+        if node.value("autostart"):
             if node.trigger_configure() is not done or node.trigger_activate() is not done:
                 node.stop()
                 node.destroy_node()
-                raise node._problem or LdcsError("the node could not be started")
+                raise node.problem or LdcsError("the node could not be started")
         return node
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -101,13 +101,13 @@ class SimulationNode(LifecycleNode):
             self._start(self._twin_of(self._asked_scene()))
         except LdcsError as error:
             self.get_logger().error(str(error))
-            self._problem = error
+            self.problem = error
             self.stop()
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
-            # The lifecycle of rclpy would swallow it; a mistake of ours must be seen.
+            # The lifecycle of rclpy would swallow it; an unexpected exception is logged.
             self.get_logger().error(traceback.format_exc())
-            self._problem = LdcsError(f"the node could not be configured: {error!r}")
+            self.problem = LdcsError(f"the node could not be configured: {error!r}")
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
@@ -118,7 +118,7 @@ class SimulationNode(LifecycleNode):
         try:
             runner.call(runner.resume)
         except InvalidStateError as error:
-            # One that has failed is active all the same: reset, a service of the active node, brings it back.
+            # A failed run is active all the same: reset, a service of the active node, restarts it.
             self.get_logger().warning(str(error))
             if not runner.failure:
                 return TransitionCallbackReturn.FAILURE
@@ -167,19 +167,19 @@ class SimulationNode(LifecycleNode):
 
     @property
     def failure(self) -> str:
-        """Why the run ends with status 1: what was to be recorded is not; '' otherwise."""
+        """Reason why the run ends with status 1: an incomplete recording; '' otherwise."""
         return self._bag.failure
 
     @property
     def runner(self) -> Runner | None:
-        """What runs the twin; None while the node is unconfigured."""
+        """The runner of the twin; None while the node is unconfigured."""
         return self._runner
 
     def active_runner(self) -> Runner:
-        """Return what runs the twin, for those who change something.
+        """Return the runner of the twin, for requests that change it.
 
         Raises:
-            NotActive: The node is not active.
+            InactiveNodeError: The node is not active.
         """
         if self._runner is None:
             raise InactiveNodeError("the node is unconfigured; configure and activate it first")
@@ -204,50 +204,45 @@ class SimulationNode(LifecycleNode):
             return None
         return SimulatorServices(self, self, self._scenes, self._files)
 
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
-
     def _offer_own_services(self) -> None:
         if not installed()["ldcs_msgs"]:
             return
-        from ldcs_msgs.srv import Advance, ApplyWrench, LoadScene
+        from ldcs_ros.ros.sim.ldcs_services import LdcsServices
 
-        AdvanceService(self, Advance, self.active_runner)
-        WrenchService(self, ApplyWrench, self.active_runner)
-        SceneService(self, LoadScene, self._scenes, self._files)
+        LdcsServices(self, self.active_runner, self._scenes, self._files)
 
     def _check_setting(self) -> None:
         present = installed()
         used = {name for name in ("ldcs_msgs",) if present[name]}
         if self._simulator is not None:
             used.add("simulation_interfaces")
-        if self._value("publish_tf") and present["tf2_msgs"]:
+        if self.value("publish_tf") and present["tf2_msgs"]:
             used.add("tf2_msgs")
         self._interfaces = interface_states(used)
         missing = missing_line()
         if missing:
             self.get_logger().info(missing)
         validation_error = sim_time_error(
-            use_sim_time=self._value("use_sim_time"), publish_clock=self._value("publish_clock")
+            use_sim_time=self.value("use_sim_time"), publish_clock=self.value("publish_clock")
         )
         if validation_error:
             raise LdcsError(validation_error)
 
     def _twin_of(self, scene: Scene) -> Twin:
         timeouts = {
-            "timeout": self._value("command_timeout"),
-            "wrench_timeout": self._value("wrench_timeout"),
+            "timeout": self.value("command_timeout"),
+            "wrench_timeout": self.value("wrench_timeout"),
         }
         settings = RunSettings(
-            seed=None if self._value("seed") < 0 else self._value("seed"),
-            accuracy=self._value("accuracy") or None,
-            tracker_rate=self._value("tracker_rate") or None,
-            publish_rate=self._value("publish_rate"),
-            ambient_pressure=self._value("ambient_pressure"),
-            publish_clock=self._value("publish_clock"),
-            publish_tf=self._value("publish_tf") and installed()["tf2_msgs"],
-            frame_prefix=self._value("frame_prefix"),
-            full_precision=self._value("record_detail"),
+            seed=None if self.value("seed") < 0 else self.value("seed"),
+            accuracy=self.value("accuracy") or None,
+            tracker_rate=self.value("tracker_rate") or None,
+            publish_rate=self.value("publish_rate"),
+            ambient_pressure=self.value("ambient_pressure"),
+            publish_clock=self.value("publish_clock"),
+            publish_tf=self.value("publish_tf") and installed()["tf2_msgs"],
+            frame_prefix=self.value("frame_prefix"),
+            full_precision=self.value("record_detail"),
         )
         twin = Twin(
             scene,
@@ -260,18 +255,18 @@ class SimulationNode(LifecycleNode):
         return twin
 
     def _start(self, twin: Twin) -> None:
-        factor, rate = self._value("real_time_factor"), self._value("publish_rate")
+        factor, rate = self.value("real_time_factor"), self.value("publish_rate")
         runner = Runner(
             twin,
             Pacer(factor, tolerance=tolerance(rate, factor)),
-            duration=self._value("duration"),
-            on_failure=self._tell_failure,
+            duration=self.value("duration"),
+            on_failure=self._log_failure,
             on_finish=self.finished.set,
             on_reset=self._start_next_bag,
         )
         runner.refusal_reason = INACTIVE
-        for validation_error in check_overrides(self, twin.topics.values()):
-            self.get_logger().warning(validation_error)
+        for unknown in check_overrides(self, twin.topics.values()):
+            self.get_logger().warning(unknown)
         if twin.settings.publish_clock:
             self._clock_monitor.refuse_second()
         self._join_graph(twin, runner)
@@ -285,7 +280,7 @@ class SimulationNode(LifecycleNode):
         runner.start()
 
     def _join_graph(self, twin: Twin, runner: Runner) -> None:
-        # The bag says of each topic what its publisher offers.
+        # The bag keeps the quality of service that each publisher offers.
         twin.topics |= self._transport.open(twin.topics.values(), runner.post)
         twin.sinks.append(self._transport)
 
@@ -297,7 +292,7 @@ class SimulationNode(LifecycleNode):
         self._transport.keep(twin.topics)
         return self._bag.error
 
-    def _tell_failure(self, reason: str) -> None:
+    def _log_failure(self, reason: str) -> None:
         self.get_logger().error(f"{reason}; paused, call reset")
 
     def _report_health(self) -> None:
@@ -315,8 +310,8 @@ class SimulationNode(LifecycleNode):
         if self._runner is not None:
             self._bag.start_next(self._runner.twin)
 
-    def _check_parameters(self, changes: list[Parameter[Any]]) -> SetParametersResult:
-        given = {name: self._value(name) for name in ("use_sim_time", "publish_clock")}
+    def _check_parameters(self, changes: list[Parameter[AllowableParameterValue]]) -> SetParametersResult:
+        given = {name: self.value(name) for name in ("use_sim_time", "publish_clock")}
         given |= {change.name: change.value for change in changes if change.name in given}
         validation_error = sim_time_error(**given)
         if validation_error:
@@ -329,24 +324,24 @@ class SimulationNode(LifecycleNode):
         return parameters.check(changes, configured=self._runner is not None)
 
     def _asked_scene(self) -> Scene:
-        name = self._value("scene")
+        name = self.value("scene")
         return load_scene(name) if name == self._given["scene"] else self._files.scene(name)
 
     def _asked_folder(self) -> str:
-        folder = self._value("record")
+        folder = self.value("record")
         return str(folder if folder in ("", self._given["record"]) else self._files.path(folder))
 
-    def _check_path(self, change: Parameter[Any]) -> None:
+    def _check_path(self, change: Parameter[AllowableParameterValue]) -> None:
         if change.name not in self._given or change.value in ("", self._given[change.name]):
             return
         if change.name == "record" or change.value not in shipped_scenes():
             self._files.path(str(change.value))
 
-    def _parameters_changed(self, changes: list[Parameter[Any]]) -> None:
+    def _parameters_changed(self, changes: list[Parameter[AllowableParameterValue]]) -> None:
         runner = self._runner
         if runner is None:
             return
-        changed = {change.name: change.value for change in changes if change.name in parameters.PARAMETERS}
+        changed = {one.name: self.value(one.name) for one in changes if one.name in parameters.PARAMETERS}
 
         def apply() -> None:
             watchdog, pacer = runner.twin.watchdog, runner.pacer

@@ -16,8 +16,8 @@ from ldcs_ros.errors import LdcsError
 from ldcs_ros.ros.common.refusals import InactiveNodeError, InvalidStateError
 
 
-class Refused(Exception):
-    """A call that is answered with a result code; the text says why.
+class ResultError(Exception):
+    """A refused call that is answered with a result code; the text gives the reason.
 
     Attributes:
         code: Code of the result.
@@ -28,10 +28,10 @@ class Refused(Exception):
         self.code = code
 
 
-def offer(
+def offer_service(
     node: LifecycleNode,
     service: str,
-    handle: Callable[[Any, Any], Awaitable[None] | None],
+    handle: Callable[..., Awaitable[None] | None],
     *,
     group: CallbackGroup | None = None,
 ) -> bool:
@@ -40,14 +40,15 @@ def offer(
     Args:
         node: The node that offers it.
         service: Name of its type.
-        handle: Fills an answer; may raise. A coroutine lets other callbacks have their turn.
+        handle: Fills the answer to a request, `handle(request, response)`; may raise. A coroutine lets other
+            callbacks run in between.
         group: Callback group of a coroutine.
     """
     kind = getattr(srv, service, None)
     if kind is None:
         return False
 
-    async def answer(request: Any, response: Any) -> Any:
+    async def answer(request: object, response: Any) -> Any:  # of the types of the service
         try:
             waiting = handle(request, response)
             if waiting is not None:
@@ -71,8 +72,8 @@ def usual_name(kind: str) -> str:
 
 
 def result_of(node: LifecycleNode, error: Exception) -> Result:
-    """Return the result that tells of an error; one that is a mistake of ours goes into the log."""
-    if isinstance(error, Refused):
+    """Return the result of an error; an unexpected exception goes into the log."""
+    if isinstance(error, ResultError):
         return Result(result=error.code, error_message=str(error))
     if isinstance(error, InactiveNodeError):
         return Result(result=Result.RESULT_INCORRECT_STATE, error_message=str(error))
@@ -82,25 +83,25 @@ def result_of(node: LifecycleNode, error: Exception) -> Result:
     return Result(result=Result.RESULT_OPERATION_FAILED, error_message=f"failed: {error!r}")
 
 
-class TagChoice:
-    """Tells whether tags are wanted; without any that are, all of them pass.
+class TagFilter:
+    """A filter by tags; one without tags lets everything pass.
 
     Args:
-        wanted: Message TagsFilter.
+        wanted: The tags and the mode.
 
     Raises:
-        Refused: Its mode is none.
+        ResultError: The mode is unknown.
     """
 
-    def __init__(self, wanted: Any) -> None:
+    def __init__(self, wanted: TagsFilter) -> None:
         modes = (TagsFilter.FILTER_MODE_ANY, TagsFilter.FILTER_MODE_ALL)
         if wanted.filter_mode not in modes:
             reason = f"tag filter mode {wanted.filter_mode}, expected any ({modes[0]}) or all ({modes[1]})"
-            raise Refused(Result.RESULT_OPERATION_FAILED, reason)
+            raise ResultError(Result.RESULT_OPERATION_FAILED, reason)
         self._tags = frozenset(wanted.tags)
         self._all = wanted.filter_mode == TagsFilter.FILTER_MODE_ALL
 
-    def takes(self, tags: Iterable[str]) -> bool:
-        """Return whether something with these tags is wanted."""
+    def matches(self, tags: Iterable[str]) -> bool:
+        """Return whether something with these tags passes."""
         common = self._tags & frozenset(tags)
         return not self._tags or (common == self._tags if self._all else bool(common))

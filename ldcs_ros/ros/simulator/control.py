@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Generator
 from concurrent import futures
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -17,24 +17,29 @@ from simulation_interfaces.srv import ResetSimulation, SetSimulationState
 
 from ldcs_ros.ros.common.refusals import InvalidStateError
 from ldcs_ros.ros.sim.runner import RunMode, Runner
-from ldcs_ros.ros.simulator.answers import Refused, offer, result_of
+from ldcs_ros.ros.simulator.answers import ResultError, offer_service, result_of
+
+if TYPE_CHECKING:
+    from simulation_interfaces.srv import GetSimulationState, StepSimulation
+
+    Goal = ServerGoalHandle[SimulateSteps.Goal, SimulateSteps.Result, SimulateSteps.Feedback]
 
 
 class Host(Protocol):
-    """The node, without what ROS makes of it."""
+    """The node as the simulator services use it."""
 
     finished: threading.Event
-    """Set when the node is to end."""
+    """Set to end the node."""
 
     @property
     def runner(self) -> Runner | None:
         """The runner; None while the node is unconfigured."""
 
     def active_runner(self) -> Runner:
-        """Return the runner, or raise NotActive."""
+        """Return the runner, or raise InactiveNodeError."""
 
 
-# A simulation that cannot go on stands still, and there is no state of its own for that; the message says so.
+# A simulation that cannot go on is paused: the interfaces have no state for it, and the message gives the reason.
 _STATES = {
     RunMode.STOPPED: SimulationState.STATE_STOPPED,
     RunMode.RUNNING: SimulationState.STATE_PLAYING,
@@ -61,24 +66,28 @@ class Control:
     def __init__(self, host: Host) -> None:
         self._host = host
 
-    def get_state(self, request: Any, response: Any) -> None:
-        """Tell the state; why the simulation cannot go on stands in the message."""
+    def report_state(
+        self, request: GetSimulationState.Request, response: GetSimulationState.Response
+    ) -> None:
+        """Report the state, with the reason if the simulation cannot go on."""
         response.state.state = self._state()
         if self._host.runner is not None:
             response.result.error_message = self._host.runner.failure
 
-    def set_state(self, request: Any, response: Any) -> None:
+    def change_state(
+        self, request: SetSimulationState.Request, response: SetSimulationState.Response
+    ) -> None:
         """Play, pause, stop (back to the start) or quit."""
         target = request.state.state
         if target not in _WORDS:
             expected = ", ".join(f"{word} ({number})" for number, word in _WORDS.items())
-            raise Refused(
+            raise ResultError(
                 SetSimulationState.Response.INCORRECT_TRANSITION,
                 f"state {target}, expected one of {expected}",
             )
         if target == self._state():
             code = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
-            raise Refused(code, f"the simulation is already {_WORDS[target]}")
+            raise ResultError(code, f"the simulation is already {_WORDS[target]}")
         if target == SimulationState.STATE_QUITTING:
             self._quit()
             return
@@ -91,13 +100,13 @@ class Control:
         try:
             runner.call(change)
         except InvalidStateError as error:
-            raise Refused(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from error
+            raise ResultError(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from error
 
-    def reset(self, request: Any, response: Any) -> None:
+    def reset(self, request: ResetSimulation.Request, response: ResetSimulation.Response) -> None:
         """Go back to the scene's start, time and state together: a run could not be repeated from half a reset."""
         scope = request.scope
         if scope != ResetSimulation.Request.SCOPE_DEFAULT and scope & _WHOLE != _WHOLE:
-            raise Refused(
+            raise ResultError(
                 Result.RESULT_FEATURE_UNSUPPORTED,
                 f"scope {scope}: time and state go back together; expected 0, 255, or both bits ({_WHOLE})",
             )
@@ -120,20 +129,20 @@ class Control:
         return int(_STATES[host.runner.mode])
 
 
-# Steps follow each other in a millisecond or two: who looks every tenth of a second still hears of each.
+# Steps follow each other in one or two milliseconds: a client that reads ten times per second still gets each.
 _FEEDBACK_DEPTH = 100
-_TURN = 0.02  # s, after which others have their turn while a step takes long
+_TURN = 0.02  # s, after which other callbacks run while a step takes long
 
 
 class Stepping:
-    """Takes steps on the runner's thread, one request a step: whatever else is asked meanwhile is served in between.
+    """Takes steps on the runner's thread, one request a step: other requests are served in between.
 
     Args:
         node: The node that offers the service and the action.
-        host: The same, as what has the runner.
+        host: The same node, as the holder of the runner.
 
     Attributes:
-        offered: Names of the types that are offered.
+        offered: Names of the offered types.
     """
 
     def __init__(self, node: LifecycleNode, host: Host) -> None:
@@ -141,35 +150,39 @@ class Stepping:
         self._host = host
         self._busy = False
         group = ReentrantCallbackGroup()
-        self.offered = ["StepSimulation"] if offer(node, "StepSimulation", self._serve, group=group) else []
+        self.offered = (
+            ["StepSimulation"] if offer_service(node, "StepSimulation", self._serve, group=group) else []
+        )
         self.offered.append("SimulateSteps")
-        self._server: ActionServer[Any, Any, Any] = ActionServer(
-            node,
-            SimulateSteps,
-            "~/simulate_steps",
-            self._execute,
-            callback_group=group,
-            feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK_DEPTH),
-            cancel_callback=lambda request: CancelResponse.ACCEPT,
+        self._server: ActionServer[SimulateSteps.Goal, SimulateSteps.Result, SimulateSteps.Feedback] = (
+            ActionServer(
+                node,
+                SimulateSteps,
+                "~/simulate_steps",
+                self._execute,
+                callback_group=group,
+                feedback_pub_qos_profile=QoSProfile(depth=_FEEDBACK_DEPTH),
+                cancel_callback=lambda request: CancelResponse.ACCEPT,
+            )
         )
 
     def close(self) -> None:
         """Withdraw the action."""
         self._server.destroy()
 
-    async def _serve(self, request: Any, response: Any) -> None:
+    async def _serve(self, request: StepSimulation.Request, response: StepSimulation.Response) -> None:
         await self._take(request.steps, lambda done: True)
 
-    async def _execute(self, goal: ServerGoalHandle[Any, Any, Any]) -> Any:
+    async def _execute(self, goal: Goal) -> SimulateSteps.Result:
         result, steps = SimulateSteps.Result(), goal.request.steps
 
-        def tell(done: int) -> bool:
+        def report(done: int) -> bool:
             feedback = SimulateSteps.Feedback(completed_steps=done, remaining_steps=steps - done)
             goal.publish_feedback(feedback)
             return not goal.is_cancel_requested
 
         try:
-            taken = await self._take(steps, tell)
+            taken = await self._take(steps, report)
         except Exception as error:
             result.result = result_of(self._node, error)
             goal.abort()
@@ -183,8 +196,8 @@ class Stepping:
             goal.succeed()
         return result
 
-    async def _take(self, steps: int, tell: Callable[[int], bool]) -> int:
-        # Returns how many were taken: `tell`, which hears of each, may say that it is enough.
+    async def _take(self, steps: int, report: Callable[[int], bool]) -> int:
+        # Returns the number of steps taken; `report` gets it after each, and ends them by returning False.
         if self._busy:
             raise InvalidStateError("steps are being taken already; wait for their end, or cancel them")
         if (mode := self._host.active_runner().mode) is not RunMode.PAUSED:
@@ -197,14 +210,14 @@ class Stepping:
                 except InvalidStateError as error:
                     kind = type(error)
                     raise kind(f"{error}; {taken} of {steps} steps were taken") from error
-                if not tell(taken + 1):
+                if not report(taken + 1):
                     return taken + 1
             return steps
         finally:
             self._busy = False
 
     async def _step(self, earliest: float) -> float:
-        # Takes a step from a time on and returns the time after it.
+        # Takes one step at a time that is not before `earliest`, and returns the new time.
         runner = self._host.active_runner()
         if runner.twin.time < earliest:
             raise InvalidStateError("the simulation went back to a start")
@@ -214,20 +227,20 @@ class Stepping:
             waiting = bool(futures.wait([future], _TURN).not_done)
             await _Turn(self._node)
         if future.cancelled():
-            raise Refused(
+            raise ResultError(
                 Result.RESULT_INCORRECT_STATE, "the node was cleaned up before all steps were taken"
             )
         return future.result()
 
 
 class _Turn:
-    """Awaited, it lets the executor look at everything else once."""
+    """Awaited, it lets the executor run all other work once."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
 
     def __await__(self) -> Generator[None, None, None]:
-        # An executor that is not woken would wait for other work before it comes back.
+        # An executor that is not woken would wait for other work first.
         if self._node.executor is not None:
             self._node.executor.wake()
         yield

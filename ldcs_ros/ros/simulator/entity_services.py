@@ -1,20 +1,33 @@
-"""GetEntities, GetEntitiesStates, GetEntityState and GetEntityInfo: what the scene consists of and how it moves."""
+"""GetEntities, GetEntitiesStates, GetEntityState and GetEntityInfo: the parts of the scene and their motion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
+import numpy as np
 from geometry_msgs.msg import Vector3
 from simulation_interfaces.msg import EntityCategory, EntityState, Result
 
 from ldcs_ros.messages.cdr import nanoseconds
 from ldcs_ros.ros.common.refusals import InactiveNodeError
 from ldcs_ros.ros.sim.runner import Runner
-from ldcs_ros.ros.simulator.answers import Refused, TagChoice
+from ldcs_ros.ros.simulator.answers import ResultError, TagFilter
 from ldcs_ros.ros.simulator.control import Host
 from ldcs_ros.ros.simulator.entities import Entities, Entity, Instant, Kind, Kinematics
 from ldcs_ros.ros.simulator.filters import Box, NameFilter, Region, Sphere
+
+if TYPE_CHECKING:
+    from simulation_interfaces.msg import Bounds, EntityFilters
+    from simulation_interfaces.srv import (
+        GetEntities,
+        GetEntitiesStates,
+        GetEntityInfo,
+        GetEntityState,
+        SetEntityState,
+    )
+
+    from ldcs_ros.simulation.simulation import Simulation
 
 
 class EntityServices:
@@ -26,43 +39,43 @@ class EntityServices:
 
     def __init__(self, host: Host) -> None:
         self._host = host
-        self._of: Any = None
+        self._simulation: Simulation | None = None
 
-    def names(self, request: Any, response: Any) -> None:
+    def names(self, request: GetEntities.Request, response: GetEntities.Response) -> None:
         """List the entities that pass the filters."""
         response.entities = [entity.name for entity in self._chosen(request.filters, None)]
 
-    def states(self, request: Any, response: Any) -> None:
+    def states(self, request: GetEntitiesStates.Request, response: GetEntitiesStates.Response) -> None:
         """List the entities that pass the filters, and their states at one instant."""
         time, kinematics = self._look()
         chosen = self._chosen(request.filters, kinematics)
         response.entities = [entity.name for entity in chosen]
         response.states = [self._state(entity, time, kinematics) for entity in chosen]
 
-    def state(self, request: Any, response: Any) -> None:
-        """Tell the state of one entity."""
+    def state(self, request: GetEntityState.Request, response: GetEntityState.Response) -> None:
+        """Report the state of one entity."""
         entity = self._named(request.entity)
         response.state = self._state(entity, *self._look())
 
-    def info(self, request: Any, response: Any) -> None:
-        """Tell what an entity is."""
+    def info(self, request: GetEntityInfo.Request, response: GetEntityInfo.Response) -> None:
+        """Report category, description and tags of an entity."""
         entity = self._named(request.entity)
         response.info.category.category = _category(entity)
         response.info.description = entity.description
         response.info.tags = list(entity.tags)
 
-    def refuse_to_set(self, request: Any, response: Any) -> None:
-        """Refuse to put an entity somewhere."""
-        raise Refused(
+    def refuse_to_set(self, request: SetEntityState.Request, response: SetEntityState.Response) -> None:
+        """Refuse to move an entity by hand."""
+        raise ResultError(
             Result.RESULT_FEATURE_UNSUPPORTED,
-            "the sheet cannot be put somewhere: a run must be repeatable from its bag; "
-            "move it by commands, or by external_wrench",
+            "entities cannot be moved by hand: a run must be repeatable from its bag; "
+            "move the sheet by commands, or by external_wrench",
         )
 
     def _entities(self) -> Entities:
         simulation = self._runner().twin.simulation
-        if self._of is not simulation:
-            self._found, self._of = Entities(simulation), simulation
+        if self._simulation is not simulation:
+            self._found, self._simulation = Entities(simulation), simulation
         return self._found
 
     def _runner(self) -> Runner:
@@ -82,16 +95,16 @@ class EntityServices:
             reason = (
                 f"no entity {name!r}; GetEntities lists them: points, node_<layer>_<i>_<j>, <arm>_link_<k>"
             )
-            raise Refused(Result.RESULT_NOT_FOUND, reason)
+            raise ResultError(Result.RESULT_NOT_FOUND, reason)
         return entity
 
-    def _chosen(self, filters: Any, kinematics: Kinematics | None) -> list[Entity]:
-        tags = TagChoice(filters.tags)
+    def _chosen(self, filters: EntityFilters, kinematics: Kinematics | None) -> list[Entity]:
+        tags = TagFilter(filters.tags)
         try:
             names = NameFilter(filters.filter)
             region = region_of(filters.bounds)
         except ValueError as error:
-            raise Refused(Result.RESULT_OPERATION_FAILED, str(error)) from error
+            raise ResultError(Result.RESULT_OPERATION_FAILED, str(error)) from error
         everywhere = None
         if region is not None:
             ends = (kinematics or self._look()[1]).ends
@@ -102,7 +115,7 @@ class EntityServices:
             for entity in self._entities().all.values()
             if names.matches(entity.name)
             and (not categories or _category(entity) in categories)
-            and tags.takes(entity.tags)
+            and tags.matches(entity.tags)
             and (everywhere is None or everywhere[entity.row])
         ]
 
@@ -121,19 +134,19 @@ class EntityServices:
         return state
 
 
-def region_of(bounds: Any) -> Region | None:
-    """Return the region that a message Bounds means; None for one without bounds.
+def region_of(bounds: Bounds) -> Region | None:
+    """Return the region of a message Bounds; None for one without bounds.
 
     Raises:
-        Refused: Its type is not supported.
-        ValueError: Its points are not what its type asks for.
+        ResultError: Its type is not supported.
+        ValueError: Its points do not fit its type.
     """
     kinds: dict[int, type[Region]] = {bounds.TYPE_BOX: Box, bounds.TYPE_SPHERE: Sphere}
     if bounds.type == bounds.TYPE_EMPTY:
         return None
     if bounds.type not in kinds:
         reason = f"bounds of type {bounds.type}, expected a box ({bounds.TYPE_BOX}) or a sphere ({bounds.TYPE_SPHERE})"
-        raise Refused(Result.RESULT_FEATURE_UNSUPPORTED, reason)
+        raise ResultError(Result.RESULT_FEATURE_UNSUPPORTED, reason)
     return kinds[bounds.type].of([(point.x, point.y, point.z) for point in bounds.points])
 
 
@@ -143,5 +156,5 @@ def _category(entity: Entity) -> int:
     return int(EntityCategory.CATEGORY_STATIC_OBJECT if entity.still else EntityCategory.CATEGORY_OBJECT)
 
 
-def _vectors(*vectors: Any) -> Iterable[Vector3]:
+def _vectors(*vectors: np.ndarray) -> Iterable[Vector3]:
     return [Vector3(x=x, y=y, z=z) for x, y, z in (vector.tolist() for vector in vectors)]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-Tree = tuple[Any, ...]
+Tree = tuple[Any, ...]  # of a kind and, by the kind, characters, counts and further trees
 
 _EMPTY: Tree = ("empty",)
 _START: Tree = ("start",)
@@ -188,7 +188,7 @@ class _Parser:
             raise self._error(f"nothing before {character!r} that it could repeat")
         if character == "\\":
             if self._at == len(self._text):
-                raise self._error("nothing behind the last backslash")
+                raise self._error("nothing after the last backslash")
             return ("one", frozenset({self._next()}), False)
         if character == ".":
             return ("one", frozenset(), True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
@@ -12,11 +12,14 @@ from simulation_interfaces.msg import SimulatorFeatures
 from ldcs_ros import __version__
 from ldcs_ros.ros.sim.graph_files import GraphFiles
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.ros.simulator.answers import offer
+from ldcs_ros.ros.simulator.answers import offer_service
 from ldcs_ros.ros.simulator.control import Control, Host, Stepping
 from ldcs_ros.ros.simulator.entity_services import EntityServices
 
-# Service -> the features that it stands for.
+if TYPE_CHECKING:
+    from simulation_interfaces.srv import GetSimulatorFeatures
+
+# Service -> its features.
 FEATURES: dict[str, tuple[str, ...]] = {
     "GetEntities": ("ENTITY_TAGS", "ENTITY_CATEGORIES", "ENTITY_BOUNDS_BOX"),
     "GetEntityState": ("ENTITY_STATE_GETTING",),
@@ -47,23 +50,23 @@ class Features:
 
     def __init__(self, offered: Iterable[str]) -> None:
         names = [name for service in offered for name in FEATURES.get(service, ())]
-        # A version of the interfaces that does not know a feature cannot be told of it.
+        # Older versions of the interfaces lack some of these features.
         known = [getattr(SimulatorFeatures, name) for name in names if hasattr(SimulatorFeatures, name)]
         self._numbers = sorted(known)
 
-    def tell(self, request: Any, response: Any) -> None:
-        """Fill the answer."""
+    def report(self, request: GetSimulatorFeatures.Request, response: GetSimulatorFeatures.Response) -> None:
+        """Report the features."""
         response.features.features = self._numbers
         response.features.custom_info = _REMARKS
 
 
 class SimulatorServices:
-    """Offers `~/get_simulator_features` and what it lists, in every state of the node.
+    """Offers `~/get_simulator_features` and the services that it lists, in every state of the node.
 
     Args:
         node: The node that offers them.
-        host: The same node, as what has the runner.
-        loader: What loads scenes.
+        host: The same node, as the holder of the runner.
+        loader: Loader of scenes.
         files: Resolver of paths.
 
     Attributes:
@@ -72,9 +75,9 @@ class SimulatorServices:
 
     def __init__(self, node: LifecycleNode, host: Host, loader: SceneLoader, files: GraphFiles) -> None:
         control, entities = Control(host), EntityServices(host)
-        handlers: dict[str, Callable[[Any, Any], None]] = {
-            "GetSimulationState": control.get_state,
-            "SetSimulationState": control.set_state,
+        handlers: dict[str, Callable[..., None]] = {
+            "GetSimulationState": control.report_state,
+            "SetSimulationState": control.change_state,
             "ResetSimulation": control.reset,
             "GetEntities": entities.names,
             "GetEntitiesStates": entities.states,
@@ -82,11 +85,11 @@ class SimulatorServices:
             "GetEntityInfo": entities.info,
             "SetEntityState": entities.refuse_to_set,
         }
-        self.offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
+        self.offered = [name for name, handle in handlers.items() if offer_service(node, name, handle)]
         self.offered += _offer_worlds(node, host, loader, files)
         self._stepping = Stepping(node, host)
         self.offered += self._stepping.offered
-        offer(node, "GetSimulatorFeatures", Features(self.offered).tell)
+        offer_service(node, "GetSimulatorFeatures", Features(self.offered).report)
 
     def close(self) -> None:
         """Withdraw the action; services go with the node."""
@@ -101,7 +104,7 @@ def _offer_worlds(node: LifecycleNode, host: Host, loader: SceneLoader, files: G
         return []
     worlds = Worlds(host, loader, files)
     handlers = {"GetAvailableWorlds": worlds.available, "GetCurrentWorld": worlds.current}
-    offered = [name for name, handle in handlers.items() if offer(node, name, handle)]
+    offered = [name for name, handle in handlers.items() if offer_service(node, name, handle)]
     return offered + (
-        ["LoadWorld"] if offer(node, "LoadWorld", worlds.load, group=ReentrantCallbackGroup()) else []
+        ["LoadWorld"] if offer_service(node, "LoadWorld", worlds.load, group=ReentrantCallbackGroup()) else []
     )

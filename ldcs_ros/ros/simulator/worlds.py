@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cache, partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from simulation_interfaces.msg import Result, WorldResource
 from simulation_interfaces.srv import GetCurrentWorld, LoadWorld
@@ -12,21 +12,25 @@ from simulation_interfaces.srv import GetCurrentWorld, LoadWorld
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.ros.sim.graph_files import GraphFiles
 from ldcs_ros.ros.sim.scene_loader import SceneLoader
-from ldcs_ros.ros.simulator.answers import Refused, TagChoice
+from ldcs_ros.ros.simulator.answers import ResultError, TagFilter
 from ldcs_ros.ros.simulator.control import Host
 from ldcs_ros.scene.load import load_scene, shipped_scenes
 from ldcs_ros.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from simulation_interfaces.msg import Resource
+    from simulation_interfaces.srv import GetAvailableWorlds
 
 _SUFFIXES = ("", ".yaml", ".yml")
 _SCHEME = "file://"
 
 
 class Worlds:
-    """Answers for the scenes that there are; each is tagged with the effects that it names.
+    """The scenes as worlds; each is tagged with its effects.
 
     Args:
         host: The node.
-        loader: What loads scenes.
+        loader: Loader of scenes.
         files: Resolver of paths.
     """
 
@@ -35,9 +39,9 @@ class Worlds:
         self._loader = loader
         self._files = files
 
-    def available(self, request: Any, response: Any) -> None:
+    def available(self, request: GetAvailableWorlds.Request, response: GetAvailableWorlds.Response) -> None:
         """List the shipped scenes, and those in further folders."""
-        choice = TagChoice(request.filter)
+        choice = TagFilter(request.filter)
         found, trouble = {name: _shipped(name) for name in shipped_scenes()}, []
         for source in request.additional_sources:
             try:
@@ -53,20 +57,20 @@ class Worlds:
                 except LdcsError as error:
                     trouble.append(str(error))
         if trouble and not request.continue_on_error:
-            raise Refused(Result.RESULT_OPERATION_FAILED, "; ".join(trouble))
+            raise ResultError(Result.RESULT_OPERATION_FAILED, "; ".join(trouble))
         response.result.error_message = "; ".join(trouble)
         worlds = [_world(scene, uri=uri) for uri, scene in found.items()]
-        response.worlds = [world for world in worlds if choice.takes(world.tags)]
+        response.worlds = [world for world in worlds if choice.matches(world.tags)]
 
-    def current(self, request: Any, response: Any) -> None:
-        """Tell the scene that is loaded, whole."""
+    def current(self, request: GetCurrentWorld.Request, response: GetCurrentWorld.Response) -> None:
+        """Report the loaded scene, whole."""
         runner = self._host.runner
         if runner is None:
             reason = "no scene is loaded; configure the node first"
-            raise Refused(GetCurrentWorld.Response.NO_WORLD_LOADED, reason)
+            raise ResultError(GetCurrentWorld.Response.NO_WORLD_LOADED, reason)
         response.world = _world(runner.twin.scene)
 
-    async def load(self, request: Any, response: Any) -> None:
+    async def load(self, request: LoadWorld.Request, response: LoadWorld.Response) -> None:
         """Load a scene by name, path or text, and leave it stopped."""
         self._host.active_runner()
         # Version 1 of the interfaces has the two fields of the resource in the request itself.
@@ -74,15 +78,15 @@ class Worlds:
         try:
             twin, trouble = await self._loader.load(partial(self._files.scene, source), stop=True)
         except SceneError as error:
-            raise Refused(LoadWorld.Response.RESOURCE_PARSE_ERROR, str(error)) from error
+            raise ResultError(LoadWorld.Response.RESOURCE_PARSE_ERROR, str(error)) from error
         response.result.error_message = trouble
         response.world = _world(twin.scene)
 
-    def _source(self, resource: Any) -> str:
+    def _source(self, resource: Resource) -> str:
         uri, text = resource.uri.removeprefix(_SCHEME), resource.resource_string
         if not uri and not text.strip():
             reason = f"no resource, expected a name out of {list(shipped_scenes())}, a path, or the text of a scene"
-            raise Refused(LoadWorld.Response.NO_RESOURCE, reason)
+            raise ResultError(LoadWorld.Response.NO_RESOURCE, reason)
         if not uri:
             return str(text)
         if uri in shipped_scenes():
@@ -90,12 +94,12 @@ class Worlds:
         try:
             path = self._files.path(uri)
         except SceneError as error:
-            raise Refused(Result.RESULT_NOT_FOUND, str(error)) from error
+            raise ResultError(Result.RESULT_NOT_FOUND, str(error)) from error
         if not os.path.isfile(path):
             reason = f"{resource.uri!r} is neither a file nor a shipped scene out of {list(shipped_scenes())}"
-            raise Refused(Result.RESULT_NOT_FOUND, reason)
+            raise ResultError(Result.RESULT_NOT_FOUND, reason)
         if path.suffix.lower() not in _SUFFIXES:
-            raise Refused(
+            raise ResultError(
                 LoadWorld.Response.UNSUPPORTED_FORMAT, f"{resource.uri!r}, expected a scene in YAML"
             )
         return str(path)

@@ -1,4 +1,4 @@
-"""Trips and refusals of the gate as log lines, so that terminal and /rosout say what the diagnostics say."""
+"""Log lines of the nodes, and a log that limits how often it repeats a line."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ PERIOD = 2.0
 """Shortest time between two lines on one kind of refusal [s]."""
 
 ALARM_PERIOD = 10.0
-"""Time between two lines on something that stays wrong [s]."""
+"""Time between two lines on one lasting alarm [s]."""
 
 
 class Logger(Protocol):
     """A ROS logger."""
+
+    def info(self, message: str) -> object:
+        """Log a message."""
 
     def warning(self, message: str) -> object:
         """Log a warning."""
@@ -24,7 +27,7 @@ class Logger(Protocol):
 
 
 class ThrottledLog:
-    """A log of what an operator must hear: each trip as an ERROR, each kind of refusal as a WARN now and then.
+    """A log for the operator: each trip as an ERROR, each kind of refusal as a WARN at most every PERIOD.
 
     Args:
         logger: Logger of the node.
@@ -45,7 +48,7 @@ class ThrottledLog:
             self._logger.error(f"vented: {reason}; call arm after the repair")
 
     def alarm(self, words: str) -> None:
-        """Log what is wrong, when it begins and then now and then; '' while nothing is."""
+        """Log a lasting alarm when it begins and then every ALARM_PERIOD; '' for none."""
         now = self._clock()
         if not words:
             self._alarmed_at = None
@@ -54,7 +57,7 @@ class ThrottledLog:
             self._logger.error(words)
 
     def refusals(self, refused: Counter[str], last: str) -> None:
-        """Log what was refused since the last line: counts by kind, and the latest refusal in words."""
+        """Log the refusals since the last line: counts by kind, and the latest refusal in words."""
         now = self._clock()
         for kind, count in refused.items():
             new = count - self._logged[kind]

@@ -1,4 +1,4 @@
-"""The stand-in rig as a node: parameters and topics around a Stand; faults are parameters that may change."""
+"""The mock rig as a node: parameters and topics around a MockRigServer; faults are parameters that may change."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import MessageInfo
 from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros import load_scene
@@ -21,11 +22,16 @@ from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.modbus_server import ModbusServer
 from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
-from ldcs_ros.mock_rig.stand import Speaker, Stand
+from ldcs_ros.mock_rig.server import MockRigServer, Transport
 from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, TRACKER, Topics
 from ldcs_ros.ros.common.optional import message_type
-from ldcs_ros.ros.common.parameters import OwnParameterService, declare
+from ldcs_ros.ros.common.parameters import ParameterNode
+from ldcs_ros.ros.common.transport import subscribe_raw
 from ldcs_ros.ros.rig.rig_parameters import MOCK_RIG_PARAMETERS, TRANSPORTS
+
+if TYPE_CHECKING:
+    from rclpy.parameter import AllowableParameterValue, Parameter
+    from rclpy.type_support import Msg
 
 NODE_NAME = "mock_rig"
 FAULT = "fault_"
@@ -34,15 +40,15 @@ GAUGE_PERIOD = 0.02
 REST = 1.0
 
 
-class StandInRig(Node):
-    """Runs a stand-in rig; its own controller begins when somebody watches; `~/chambers` shows what no fault can hide.
+class MockRigNode(ParameterNode):
+    """A mock rig; its own controller begins with the first subscriber, and `~/chambers` shows the true pressures.
 
     That topic carries, in Pa gauge: left and right chamber, largest pressure so far, smallest and largest set-point
-    that anybody asked for.
+    asked for.
 
     Attributes:
         finished: Set when the rig has failed; else it runs until it is stopped.
-        failure: Why it failed; '' otherwise.
+        failure: Reason of the failure; '' otherwise.
 
     Raises:
         LdcsError: A parameter does not fit; nothing was started.
@@ -50,68 +56,67 @@ class StandInRig(Node):
 
     def __init__(self) -> None:
         super().__init__(NODE_NAME, start_parameter_services=False)
-        for validation_error in declare(self, MOCK_RIG_PARAMETERS):
-            self.get_logger().warning(validation_error)
-        self._whole_parameters = OwnParameterService(self)
+        self.declare_table(MOCK_RIG_PARAMETERS)
         self.finished = threading.Event()
         self.failure = ""
-        self._publishers_by_topic: dict[str, Any] = {}
+        self._publishers_by_topic: dict[str, Publisher[Msg]] = {}
         self._rig = self._make_rig()
-        self._stand = Stand(self._rig, self._speakers())
-        self._turn([self.get_parameter(name) for name in MOCK_RIG_PARAMETERS if name.startswith(FAULT)])
-        self.add_on_set_parameters_callback(self._turn)
-        # Who watches from the start sees the rig at rest first: a run that can be repeated.
+        self._server = MockRigServer(self._rig, self._make_transports())
+        self._set_faults([self.get_parameter(name) for name in MOCK_RIG_PARAMETERS if name.startswith(FAULT)])
+        self.add_on_set_parameters_callback(self._set_faults)
+        # A subscriber of the first moment sees the rig at rest: a run that can be repeated.
         self._rig.course_start = math.inf
-        self._stand.start()
+        self._server.start()
         self._write_rig_file()
-        # The gauge on the wall: true whatever the rig's own reports say, for people and tests.
+        # The true pressures, whatever the rig's own reports say, for people and tests.
         self._gauge = self.create_publisher(Float64MultiArray, "~/chambers", 10)
         # A rig does not wait for a clock of the graph, whatever use_sim_time says.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timers_kept = [
-            self.create_timer(STATUS_PERIOD, self._tell, clock=steady),
+            self.create_timer(STATUS_PERIOD, self._report, clock=steady),
             self.create_timer(GAUGE_PERIOD, self._show_gauge, clock=steady),
             self.create_timer(GAUGE_PERIOD, self._begin_when_watched, clock=steady),
         ]
 
     def stop(self) -> None:
         """End the rig."""
-        self._stand.stop()
-
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
+        self._server.stop()
 
     def _make_rig(self) -> MockRig:
         hidden = Hidden(
-            self._value("stiffness_factor"),
-            self._value("gain_factor"),
-            self._value("load"),
-            self._value("tracker_delay"),
+            self.value("stiffness_factor"),
+            self.value("gain_factor"),
+            self.value("load"),
+            self.value("tracker_delay"),
         )
-        scene = hidden_scene(load_scene(self._value("scene")), hidden)
-        controller, epoch = self._value("controller"), self._value("clock_epoch")
+        scene = hidden_scene(load_scene(self.value("scene")), hidden)
+        controller, epoch = self.value("controller"), self.value("clock_epoch")
         return MockRig(scene, controller=controller, clock=time.monotonic, epoch=epoch)
 
-    def _speakers(self) -> list[Speaker]:
-        transport = self._value("transport")
+    def _make_transports(self) -> list[Transport]:
+        transport = self.value("transport")
         if transport not in TRANSPORTS:
             raise BridgeError(f"unknown transport {transport!r}; expected one of {list(TRANSPORTS)}")
         topics = Topics(self._rig, self._publish, pressures=transport == "topics")
         for topic, kind in topics.outgoing().items():
             self._publishers_by_topic[topic] = self.create_publisher(message_type(kind), topic, 50)
         if transport == "topics":
-            self.create_subscription(message_type(ARRAY), COMMAND, topics.receive, 10, raw=True)
+
+            def receive(cdr: bytes, info: MessageInfo) -> None:
+                topics.receive(cdr)
+
+            subscribe_raw(self, ARRAY, COMMAND, receive, QoSProfile(depth=10))
             return [topics]
         if transport == "modbus":
-            return [ModbusServer(self._rig, self._value("port")), topics]
+            return [ModbusServer(self._rig, self.value("port")), topics]
         return [SerialPort(self._rig), topics]
 
     def _publish(self, topic: str, message_type: str, cdr: bytes) -> None:
         self._publishers_by_topic[topic].publish(cdr)
 
     def _write_rig_file(self) -> None:
-        text = self._stand.rig_file({})
-        path = self._value("rig_file")
+        text = self._server.rig_file({})
+        path = self.value("rig_file")
         if path:
             # Written whole or not at all: a bridge may be waiting for it.
             draft = Path(f"{path}.draft")
@@ -124,7 +129,7 @@ class StandInRig(Node):
                 f"a bridge connects with this rig file (-p rig_file:=PATH writes it):\n{text}"
             )
 
-    def _turn(self, changes: list[Parameter[Any]]) -> SetParametersResult:
+    def _set_faults(self, changes: list[Parameter[AllowableParameterValue]]) -> SetParametersResult:
         for change in changes:
             if not change.name.startswith(FAULT):
                 continue
@@ -144,9 +149,9 @@ class StandInRig(Node):
         asked = [rig.lowest_setpoint, rig.highest_setpoint]
         self._gauge.publish(Float64MultiArray(data=[*rig.pressure.tolist(), rig.peak, *asked]))
 
-    def _tell(self) -> None:
-        if self._stand.failure:
-            self.failure = f"the rig stopped: {self._stand.failure}"
+    def _report(self) -> None:
+        if self._server.failure:
+            self.failure = f"the rig stopped: {self._server.failure}"
             self.get_logger().error(self.failure)
             self.finished.set()
         left, right = (self._rig.pressure / 1e3).tolist()

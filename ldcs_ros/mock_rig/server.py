@@ -1,4 +1,4 @@
-"""The stand-in rig at work: a thread that keeps it at the present and lets its transports speak."""
+"""The server of the mock rig: a thread that advances it in real time and serves its transports."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ldcs_ros.schema.reader import write_yaml
 _PERIOD = 0.005
 
 
-class Speaker(Protocol):
+class Transport(Protocol):
     """One transport of the rig."""
 
     def start(self) -> None: ...
@@ -22,49 +22,49 @@ class Speaker(Protocol):
     def describe(self) -> dict[str, Any]: ...
 
 
-class Stand:
-    """Runs a rig and its speakers.
+class MockRigServer:
+    """A mock rig in real time, with its transports.
 
     Args:
         rig: The rig.
-        speakers: Its transports.
+        transports: Its transports.
 
     Attributes:
-        failure: Why the rig stopped; '' while it runs.
+        failure: Reason why the rig stopped; '' while it runs.
     """
 
-    def __init__(self, rig: MockRig, speakers: Sequence[Speaker]) -> None:
-        self.rig, self._speakers = rig, speakers
+    def __init__(self, rig: MockRig, transports: Sequence[Transport]) -> None:
+        self.rig, self._transports = rig, transports
         self.failure = ""
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rig", daemon=True)
 
     def start(self) -> None:
         """Open the transports and let time run; raises LinkError."""
-        for speaker in self._speakers:
-            speaker.start()
+        for transport in self._transports:
+            transport.start()
         self._thread.start()
 
     def stop(self) -> None:
         """End it."""
         self._stopping.set()
         self._thread.join(5.0)
-        for speaker in self._speakers:
-            speaker.stop()
+        for transport in self._transports:
+            transport.stop()
 
     def rig_file(self, limits: dict[str, float]) -> str:
         """Return the text of a rig file that connects to this rig."""
-        links = [speaker.describe() for speaker in self._speakers]
-        content = {"title": "The stand-in rig", "limits": limits, "links": links}
+        links = [transport.describe() for transport in self._transports]
+        content = {"title": "The mock rig", "limits": limits, "links": links}
         return write_yaml(content)
 
     def _run(self) -> None:
         while not self._stopping.is_set():
             try:
                 self.rig.advance()
-            except Exception as error:  # whatever it is, the operator of the stand is told
+            except Exception as error:  # whatever it is, the operator reads it
                 self.failure = str(error)
                 return
-            for speaker in self._speakers:
-                speaker.work()
+            for transport in self._transports:
+                transport.work()
             self._stopping.wait(max(0.0, _PERIOD - (time.monotonic() % _PERIOD)))
