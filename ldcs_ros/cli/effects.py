@@ -57,14 +57,14 @@ def describe(name: str) -> dict[str, Any]:
     return {"name": name, **describe_class(effect_class(name))}
 
 
-def describe_class(cls: Any) -> dict[str, Any]:
+def describe_class(cls: type) -> dict[str, Any]:
     """Return the description and the parameters of a dataclass of quantities, as plain values."""
     description = inspect.cleandoc(cls.__doc__ or "").split("\nAttributes:")[0].strip()
     fields = [field for field in dataclasses.fields(cls) if field.init]
     return {"description": description, "parameters": [_parameter(field) for field in fields]}
 
 
-def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
+def _parameter(field: dataclasses.Field[object]) -> dict[str, Any]:
     meta = field.metadata
     default = field.default if field.default is not dataclasses.MISSING else None
     if field.default_factory is not dataclasses.MISSING:
@@ -125,7 +125,7 @@ def bounds_text(parameter: dict[str, Any]) -> str:
     return f"at least {low:g}" if below else f"at most {high:g}" if above else ""
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(_short(item) for item in value)}]"
     return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)

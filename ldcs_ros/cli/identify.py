@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ldcs_ros.cli.arguments import CommandLineError, metres, seed
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_map, add_set, given_mapping, scene_of
+
+if TYPE_CHECKING:
+    from ldcs_ros.identify.experiments import Experiment
+    from ldcs_ros.identify.identify import Identification
 
 DESCRIPTION = """\
 Fit numbers of a scene to bags: the commands of each bag are fed to the scene, and the numbers are found for which
@@ -106,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print(found: Any, read: Any, output: Path | None) -> None:
+def _print(found: Identification, read: Sequence[Experiment], output: Path | None) -> None:
     from ldcs_ros.identify.scene_file import estimate_words, score_words
 
     lines = [("fitted" if k == 0 else "", estimate_words(item)) for k, item in enumerate(found.estimates)]

@@ -6,14 +6,21 @@ import json
 import math
 import sys
 from collections.abc import Iterable
+<<<<<<< HEAD
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ldcs_ros.bags import Recording
+=======
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+>>>>>>> 229f028 (The command line names its types)
 
 
-def print_json(result: Any) -> None:
+def print_json(result: object) -> None:
     """Print one JSON object; a number that JSON cannot hold (NaN, infinity) becomes null."""
     print(json.dumps(_plain(result), indent=2, ensure_ascii=False, allow_nan=False))
 
@@ -56,7 +63,7 @@ class Progress:
     """
 
     def __init__(self, total: float, *, label: str, unit: str = "s", quiet: bool) -> None:
-        self._bar: Any = None
+        self._bar: tqdm[NoReturn] | None = None
         self._label = label
         if sys.stderr.isatty() and not quiet:
             from tqdm import tqdm
@@ -83,7 +90,7 @@ class Progress:
             self._bar.close()
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

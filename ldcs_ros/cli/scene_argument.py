@@ -6,12 +6,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ldcs_ros.cli.overrides import apply_overrides
 
 if TYPE_CHECKING:
     from ldcs_ros.scene.scene import Scene
+    from ldcs_ros.signals import Mapping
 
 
 def add_set(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +34,7 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def given_mapping(arguments: argparse.Namespace) -> Any:
+def given_mapping(arguments: argparse.Namespace) -> Mapping | None:
     """Return the mapping of `--map`; None without it.
 
     Raises:

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import add_format_argument
 from ldcs_ros.cli.output import Progress, print_json
 
+if TYPE_CHECKING:
+    from ldcs_ros.validate.cases import Case
+    from ldcs_ros.validate.identifiability import Sensitivity
+    from ldcs_ros.validate.transient import Transient
+
+Block = tuple[str, list[list[str]]]
+"""A heading and the rows of a table."""
 DESCRIPTION = """\
 Repeat the paper's test and print Table I (ours, the paper's model, the experiment): as printed under each spring
 law, and with the calibrated scene. Exit status 1 if an error of the calibrated scene has grown by 0.05 mm."""
@@ -54,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         cases = all_cases(bar.show)
     calibrated = cases[-1]
     grown = paper.grown(calibrated.rest.displacement)
-    blocks: list[tuple[str, Any]] = [
+    blocks: list[Block] = [
         ("Table I [mm]: the calibrated twin", tables.table_one(calibrated)),
         ("errors against the experiment [mm], each model at rest", tables.comparison(cases)),
     ]
@@ -103,7 +111,9 @@ def run(arguments: argparse.Namespace) -> int:
     return EXIT_GROWN if grown else 0
 
 
-def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) -> tuple[list[Any], Any]:
+def _calibrate(
+    content: dict[str, Any], *, quiet: bool, result: dict[str, Any]
+) -> tuple[list[Block], list[Sensitivity]]:
     from ldcs_ros.validate import calibration, identifiability, tables
     from ldcs_ros.validate.parameters import PARAMETERS
 
@@ -147,7 +157,7 @@ def _calibrate(content: dict[str, Any], *, quiet: bool, result: dict[str, Any]) 
     return blocks, moved
 
 
-def _plain(cases: Any) -> dict[str, Any]:
+def _plain(cases: Sequence[Case]) -> dict[str, Any]:
     from ldcs_ros.validate import paper
 
     return {
@@ -174,7 +184,7 @@ def _records(rows: list[list[str]]) -> list[dict[str, str]]:
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
 
 
-def _print(blocks: Any, result: dict[str, Any], motion: Any, method: str) -> None:
+def _print(blocks: Sequence[Block], result: dict[str, Any], motion: Transient, method: str) -> None:
     from ldcs_ros.validate import tables
 
     for title, rows in blocks:

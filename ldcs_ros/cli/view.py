@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ldcs_ros.cli.arguments import CommandLineError, instant
 from ldcs_ros.cli.output import Progress, open_bag, print_json
@@ -134,7 +134,7 @@ def _run_live(arguments: argparse.Namespace) -> int:
 
 
 def _tell(
-    arguments: argparse.Namespace, written: Any, *, url: str | None = None, file: str | None = None
+    arguments: argparse.Namespace, written: Written, *, url: str | None = None, file: str | None = None
 ) -> None:
     if arguments.json:
         print_json(
