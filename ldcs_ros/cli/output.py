@@ -6,18 +6,13 @@ import json
 import math
 import sys
 from collections.abc import Iterable
-<<<<<<< HEAD
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from ldcs_ros.bags import Recording
-=======
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from tqdm import tqdm
->>>>>>> 229f028 (The command line names its types)
+
+    from ldcs_ros.bags import Recording
 
 
 def print_json(result: object) -> None:
