@@ -16,6 +16,7 @@ PRESSURES = tuple((fraction, fraction) for fraction in (0.0, 0.2, 0.4, 0.6, 0.8,
     (0.6, 0.8),
 )
 """Gauge pressures left and right, as fractions of the scene's limit."""
+GRAVITY = 9.81
 LOADS = (0.0, 0.3)
 STIFFNESSES = (0.8, 1.25)
 
@@ -33,7 +34,7 @@ def equilibria(scene: Scene, point: str) -> np.ndarray:
     found = []
     limit = float(scene.effect("arms").pressure_limit)
     for stiffness, load in itertools.product(STIFFNESSES, LOADS):
-        simulation = loaded(scene, point, load / 9.81, stiffness).build()
+        simulation = loaded(scene, point, load / GRAVITY, stiffness).build()
         for fraction in PRESSURES:
             simulation.inputs.set_pressure(tuple(limit * one for one in fraction))
             try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array
 
-from ldcs_ros.estimate.basis import equilibria, main_directions
+from ldcs_ros.estimate.basis import GRAVITY, equilibria, main_directions
 from ldcs_ros.physics.inputs import ChamberPressure, HeldCommands
 from ldcs_ros.physics.model import Model
 from ldcs_ros.scene import Scene
@@ -14,7 +14,6 @@ from ldcs_ros.simulation.threads import one_thread
 PARAMETERS = ("gain", "load", "stiffness")
 """Factor on the arms' torque, weight at the loaded point beside the scene's [N], factor on the springs."""
 NOMINAL = np.array([1.0, 0.0, 1.0])
-GRAVITY = 9.81
 _GAMMA = 1.0 + np.sqrt(0.5)  # L-stable
 Slopes = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Derivatives of the reduced force by coordinates, by rates and by parameters."""

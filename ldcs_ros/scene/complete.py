@@ -6,7 +6,7 @@ import dataclasses
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.scene.scene import Scene, parse_scene
-from ldcs_ros.schema.reader import write_yaml
+from ldcs_ros.schema.reader import plain_values, write_yaml
 
 
 def complete_text(scene: Scene) -> str:
@@ -19,12 +19,12 @@ def complete_text(scene: Scene) -> str:
         for field in dataclasses.fields(effect):  # type: ignore[arg-type]
             value = getattr(effect, field.name)
             if field.name not in block and value is not None and value == field.default:
-                block[field.name] = _plain(value)
+                block[field.name] = value
     if scene.sensors:
-        content["sensors"] = {name: _plain(values) for name, values in scene.sensors.items()}
+        content["sensors"] = scene.sensors
     solver = dataclasses.asdict(scene.solver)
     content["solver"] = {key: value for key, value in solver.items() if value is not None}
-    text = write_yaml(content)
+    text = write_yaml(plain_values(content, origin=scene.name, error=SceneError))
     try:
         again = parse_scene(text, name=scene.name, origin=scene.name)
     except SceneError:
@@ -36,11 +36,3 @@ def complete_text(scene: Scene) -> str:
         scene.inputs,
     )
     return text if same else scene.text
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return value

@@ -9,7 +9,7 @@ from typing import Any
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.scene.scene import Scene, parse_scene, scene_of_content
-from ldcs_ros.schema.fields import did_you_mean
+from ldcs_ros.schema.fields import did_you_mean, shown
 from ldcs_ros.schema.reader import plain_values, read_text, write_yaml
 
 __all__ = ["load_scene", "parse_scene", "scene_of", "shipped_scenes"]
@@ -38,9 +38,9 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
         path = shipped[str(source)]
     elif not os.path.isfile(path):  # Path.is_file fails at names that no file can have
         hint = did_you_mean(str(source), shipped)
-        shown = f"{str(source)[:MAX_SHOWN]!r}{'...' if len(str(source)) > MAX_SHOWN else ''}"
         raise SceneError(
-            f"no scene {shown}: neither a file nor a shipped scene out of {list(shipped)}.{hint}"
+            f"no scene {shown(str(source), most=MAX_SHOWN)}: "
+            f"neither a file nor a shipped scene out of {list(shipped)}.{hint}"
         )
     return parse_scene(read_text(path, "scene", SceneError), name=path.stem, origin=path.name)
 

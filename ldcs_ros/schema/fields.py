@@ -24,8 +24,8 @@ PROJECT = "choice of this project"
 MAX_SHOWN = 60
 
 
-def shown(value: object) -> str:
-    """Return a value for an error: one line of at most MAX_SHOWN characters."""
+def shown(value: object, *, most: int = MAX_SHOWN) -> str:
+    """Return a value for an error: one line of at most `most` characters."""
     if isinstance(value, int) and value.bit_length() > 64:
         return f"a whole number of {value.bit_length()} bits"
     try:
@@ -36,7 +36,7 @@ def shown(value: object) -> str:
     ):  # an integer of thousands of digits inside, or a list that holds itself
         text = f"a {type(value).__name__}"
     text = " ".join(text.split())
-    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def did_you_mean(word: object, options: Iterable[object]) -> str:

@@ -11,7 +11,7 @@ from ldcs_ros.errors import RecordingError
 from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
-from ldcs_ros.signals.series import Series, clean
+from ldcs_ros.signals.series import AXES, Series, clean
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.signals.tracks import (
     CLOUD,
@@ -26,7 +26,6 @@ from ldcs_ros.signals.tracks import (
     surface_track,
 )
 
-AXES = ("x", "y", "z")
 _READ = (CLOUD, JOINTS, POSE, PRESSURE)
 
 

@@ -111,7 +111,7 @@ def profiled(parameter: Parameter, found: Sequence[tuple[float, Fit]]) -> Rows:
 
 def directions(found: Sequence[Direction], count: int = 6) -> Rows:
     """Return a row a direction: strength, and the parameters that it mixes."""
-    rows = [["strength", "told by the data", "direction (in plausible ranges)"]]
+    rows = [["strength", "determined by the data", "direction (in plausible ranges)"]]
     for item in found[:count]:
         parts = sorted(item.weights.items(), key=lambda pair: -abs(pair[1]))
         words = ", ".join(f"{signed(weight, 2)} {name}" for name, weight in parts if abs(weight) > 0.2)

@@ -31,6 +31,8 @@ OLD_NAMES = (
     "NotActive", "told", "obstacle", "complaint", "LastStage", "ValveWatch", "Side", "side_of", "Figures", "_leads",
     "NO_ANSWER", "honest", "_DISHONEST", "Heard", "usual_offset", "stabilised", "StandInRig", "Stand", "Speaker",
     "Course", "Outputs", "Mirror", "Watched", "Trail",
+    "rest_position", "rest_state", "fill_turns", "turned_vectors", "crosspiece_end", "next_switch", "NO_ENTRIES",
+    "IN_LAYER_SHARE", "END_SHARE", "SHAPES",
 )  # fmt: skip
 
 
