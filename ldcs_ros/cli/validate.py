@@ -12,7 +12,7 @@ from ldcs_ros.cli.arguments import add_format_argument
 from ldcs_ros.cli.output import Progress, print_json
 
 if TYPE_CHECKING:
-    from ldcs_ros.validate.cases import Case
+    from ldcs_ros.validate.cases import ComparedModel
     from ldcs_ros.validate.identifiability import Sensitivity
     from ldcs_ros.validate.transient import Transient
 
@@ -157,7 +157,7 @@ def _calibrate(
     return blocks, moved
 
 
-def _plain(cases: Sequence[Case]) -> dict[str, Any]:
+def _plain(cases: Sequence[ComparedModel]) -> dict[str, Any]:
     from ldcs_ros.validate import paper
 
     return {

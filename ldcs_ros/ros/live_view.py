@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rclpy.subscription import MessageInfo
 
     from ldcs_ros.viewing.live_viewer import LiveViewer
+    from ldcs_ros.viewing.rerun_package import Stream
     from ldcs_ros.viewing.web_server import Site
 
 NAME = "live_view"
@@ -168,7 +169,7 @@ class Listener:
         self._viewer.receive(name, kind, cdr)
 
 
-def _stream(url: str, arguments: argparse.Namespace) -> object:
+def _stream(url: str, arguments: argparse.Namespace) -> Stream:
     from ldcs_ros.viewing.rerun_package import new_stream, rerun
 
     stream = new_stream(f"twin in {arguments.namespace}")
