@@ -82,7 +82,6 @@ def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
 def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], bool]) -> int:
     from ldcs_ros.viewing.browser_session import open_browser
     from ldcs_ros.viewing.live_viewer import LiveViewer
-    from ldcs_ros.viewing.rerun_package import Stream
 
     _print_address(arguments, site.address)
     if not arguments.no_browser and arguments.screenshot is None:
