@@ -21,9 +21,10 @@ class NodeCloud:
     Args:
         nodes: Number of nodes along x and along y.
         frame: Name of the base frame.
+        is_dense: Whether all nodes exist; those in holes are NaN.
     """
 
-    def __init__(self, nodes: tuple[int, int], frame: str = BASE_FRAME) -> None:
+    def __init__(self, nodes: tuple[int, int], frame: str = BASE_FRAME, *, is_dense: bool = True) -> None:
         nx, ny = nodes
         point_step = 4 * len(CLOUD_FIELDS)
         self._numbers = np.empty((2 * nx * ny, len(CLOUD_FIELDS)), dtype="<f4")
@@ -40,7 +41,7 @@ class NodeCloud:
             point_step=point_step,
             row_step=point_step * ny,
             data=placeholder(self._numbers.nbytes),
-            is_dense=True,
+            is_dense=is_dense,
         )
         self._message = MessageTemplate(message, self._numbers.nbytes)
 

@@ -67,7 +67,7 @@ def transforms(stamped: Sequence[RosMessage]) -> bytes:
 def joint_states(
     time_ns: int, names: Sequence[str], angle: np.ndarray, rate: np.ndarray, torque: np.ndarray
 ) -> bytes:
-    """Return a JointState: angles [rad], rates [rad/s], drive torques [N m], each (n_arms, n_links)."""
+    """Return a JointState: angles [rad], rates [rad/s], drive torques [N m], each of shape (n_joints,)."""
     return encode(
         message_class("sensor_msgs/msg/JointState")(
             header=header(time_ns, ""),
@@ -80,7 +80,7 @@ def joint_states(
 
 
 def torque_command(time_ns: int, names: Sequence[str], torque: np.ndarray) -> bytes:
-    """Return the JointState that commands these joint torques [N m], shape (n_arms, n_links)."""
+    """Return the JointState that commands these joint torques [N m], shape (n_joints,)."""
     return joint_states(time_ns, names, np.zeros(0), np.zeros(0), torque)
 
 

@@ -48,7 +48,7 @@ _ALL = (
         "pressure_command",
         "std_msgs/msg/Float64MultiArray",
         "in",
-        "gauge pressure of each arm [Pa], order left, right; one value for both",
+        "gauge pressure of each arm [Pa] in the scene's order (left, right); one value for all",
         depth=_COMMANDS,
     ),
     Topic(

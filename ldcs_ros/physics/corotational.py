@@ -193,14 +193,16 @@ class CorotationalTerm(Term):
     name = "springs"
     corotational = True
 
-    def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
+    def __init__(self, lattice: Lattice, stiffness: np.ndarray, damping: np.ndarray) -> None:
         self.n = lattice.n_nodes
         ends = np.concatenate([lattice.springs, lattice.springs[:, ::-1]])
-        ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
+        order = np.lexsort((ends[:, 1], ends[:, 0]))
+        ends = ends[order]
         self.member = np.ascontiguousarray(ends[:, 1])
         self.start = np.searchsorted(ends[:, 0], np.arange(self.n + 1))
         self.rest = lattice.reference_position[self.member] - lattice.reference_position[ends[:, 0]]
-        self.k, self.c = np.full(len(ends), stiffness), np.full(len(ends), damping)
+        # Both ends of a spring have its values.
+        self.k, self.c = np.tile(stiffness, 2)[order], np.tile(damping, 2)[order]
         self._place_blocks()
 
     def _place_blocks(self) -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ldcs_ros.physics.shapes import PlaneShape, SheetRegion
+
 LAYERS = ("bottom", "top")
 EDGES = ("x_min", "x_max", "y_min", "y_max")
+# Places nearer to a line of nodes, in cells, or to an outline, in lengths of the sheet, are on it: rounding only.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -23,14 +28,18 @@ class Lattice:
     Attributes:
         size: Length along x, width along y, distance between the layers [m].
         nodes: Number of nodes along x and y.
-        mass: Mass of the whole sheet [kg].
+        mass: Mass of the whole sheet before holes are cut and regions are applied [kg].
         mass_by_area: Distribute the mass by the area of each node; otherwise equally, as the paper does.
+        holes: Shapes whose inside is cut out; nodes on their outline stay.
+        regions: Parts with factors on stiffness, damping, mass and thickness.
     """
 
     size: tuple[float, float, float]
     nodes: tuple[int, int]
     mass: float
     mass_by_area: bool = False
+    holes: tuple[PlaneShape, ...] = ()
+    regions: tuple[SheetRegion, ...] = ()
 
     @property
     def n_nodes(self) -> int:
@@ -69,14 +78,22 @@ class Lattice:
             np.linspace(-0.5 * width, 0.5 * width, ny),
             indexing="ij",
         )
-        return np.stack([x, y, z], axis=-1).reshape(-1, 3)
+        place = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+        if any(region.thickness != 1.0 for region in self.regions):
+            place[:, 2] *= self._node_factor("thickness")
+        return place
 
     @cached_property
     def node_mass(self) -> np.ndarray:
         """Mass of each node [kg], shape (n_nodes,)."""
         if self.mass_by_area:
-            return self.mass * self.node_area / self.node_area.sum()
-        return np.full(self.n_nodes, self.mass / self.n_nodes)
+            mass = self.mass * self.node_area / self.node_area.sum() * self._node_factor("whole")
+        else:
+            mass = np.full(self.n_nodes, self.mass / self.n_nodes)
+        if self.regions:
+            mass *= self._node_factor("mass")
+        mass[self.missing] = 0.0
+        return mass
 
     @cached_property
     def node_area(self) -> np.ndarray:
@@ -102,7 +119,10 @@ class Lattice:
             pairs += [np.stack([far[0], near[1]], axis=-1).reshape(-1, 2)]
         pairs += [np.stack([self.index[0], self.index[1]], axis=-1).reshape(-1, 2)]
         springs = np.sort(np.concatenate(pairs), axis=1)
-        return springs[np.lexsort((springs[:, 1], springs[:, 0]))]
+        springs = springs[np.lexsort((springs[:, 1], springs[:, 0]))]
+        if self.missing.size:
+            springs = springs[~np.isin(springs, self.missing).any(axis=1)]
+        return springs
 
     @cached_property
     def rest_vector(self) -> np.ndarray:
@@ -124,3 +144,121 @@ class Lattice:
             "y_max": self.index[:, :, -1],
         }[name]
         return picked.ravel()
+
+    # -- places in metres, holes and regions
+
+    def covers(self, x: float, y: float) -> bool:
+        """Return whether a place of the flat sheet [m] is on it; its outline is."""
+        length, width = self.size[:2]
+        slack = ROUNDING * max(length, width)
+        return -slack <= x <= length + slack and abs(y) <= 0.5 * width + slack
+
+    def outside(self, x: float, y: float) -> str:
+        """Return what is wrong with a place [m] that the sheet does not cover."""
+        length, width = self.size[:2]
+        return (
+            f"got x = {x:g}, y = {y:g} m, expected a place on the sheet, x in 0 ... {length:g}, "
+            f"y in {-0.5 * width:g} ... {0.5 * width:g} m"
+        )
+
+    def bilinear(self, layer: int, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners of the cell around a place of the flat sheet and their weights, shape (4,) each.
+
+        The order is (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1); on a line of nodes two weights are 0.
+
+        Args:
+            layer: 0 for the bottom layer, 1 for the top one.
+            x: Coordinate along the sheet [m].
+            y: Coordinate across it [m].
+
+        Raises:
+            ValueError: The place is outside of the sheet or in a hole.
+        """
+        if not self.covers(x, y):
+            raise ValueError(self.outside(x, y))
+        (i, i_next, fx), (j, j_next, fy) = (
+            _cell(x / self.size[0], self.nodes[0]),
+            _cell(y / self.size[1] + 0.5, self.nodes[1]),
+        )
+        corners = self.index[layer][[i, i_next, i, i_next], [j, j, j_next, j_next]]
+        weights = np.array([(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy])
+        if self.missing.size and np.isin(corners[weights > 0.0], self.missing).any():
+            raise ValueError(f"got x = {x:g}, y = {y:g} m, expected a place outside of the holes")
+        return corners, weights
+
+    @cached_property
+    def missing(self) -> np.ndarray:
+        """Nodes of both layers inside of holes, sorted, shape (n_missing,).
+
+        Raises:
+            ValueError: The holes leave nothing, or cut the sheet into pieces.
+        """
+        if not self.holes:
+            return np.zeros(0, dtype=np.int64)
+        nx, ny = self.nodes
+        x, y = np.meshgrid(
+            np.linspace(0.0, self.size[0], nx), np.linspace(-0.5, 0.5, ny) * self.size[1], indexing="ij"
+        )
+        place, slack = np.stack([x.ravel(), y.ravel()], axis=1), ROUNDING * max(self.size)
+        inside = np.any([hole.distance(place) < -slack for hole in self.holes], axis=0).reshape(nx, ny)
+        _check_in_one_piece(~inside)
+        return np.flatnonzero(np.tile(inside.ravel(), 2))
+
+    def spring_factor(self, quantity: str) -> np.ndarray:
+        """Return the factor of each spring by the cells that it belongs to, shape (n_springs,).
+
+        Args:
+            quantity: stiffness or damping of the regions; whole for the fraction of the cells that no hole cuts.
+        """
+        if not self.regions and not (quantity == "whole" and self.holes):
+            return np.ones(len(self.springs))
+        cells = self._cell_factor(quantity)
+        place = np.stack(np.unravel_index(self.springs, (2, *self.nodes)), axis=-1)[..., 1:]
+        # A spring belongs to the cells that have both of its ends: one, two along a line of nodes, or four.
+        first, last = place.max(axis=1) - 1, place.min(axis=1)
+        return np.array([_mean_of_cells(cells, a, b) for a, b in zip(first, last, strict=True)])
+
+    def _node_factor(self, quantity: str) -> np.ndarray:
+        cells = self._cell_factor(quantity)
+        node = np.stack(np.meshgrid(*map(np.arange, self.nodes), indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.tile([_mean_of_cells(cells, place - 1, place) for place in node], 2)
+
+    def _cell_factor(self, quantity: str) -> np.ndarray:
+        if quantity == "whole":
+            kept = ~np.isin(self.index[0], self.missing)
+            return (kept[1:, 1:] & kept[1:, :-1] & kept[:-1, 1:] & kept[:-1, :-1]).astype(float)
+        # Where regions overlap their factors multiply.
+        (length, width), (nx, ny) = self.size[:2], self.nodes
+        x, y = np.meshgrid(
+            (np.arange(nx - 1) + 0.5) * length / (nx - 1),
+            (np.arange(ny - 1) + 0.5) * width / (ny - 1) - 0.5 * width,
+            indexing="ij",
+        )
+        centre = np.stack([x.ravel(), y.ravel()], axis=1)
+        factor = np.ones(len(centre))
+        for region in self.regions:
+            factor[region.shape.distance(centre) <= 0.0] *= getattr(region, quantity)
+        return factor.reshape(nx - 1, ny - 1)
+
+
+def _cell(fraction: float, n: int) -> tuple[int, int, float]:
+    """Return the lines of n nodes before and after a fraction of a side, and the fraction of their distance."""
+    cell = min(max(fraction * (n - 1), 0.0), n - 1.0)
+    if abs(cell - round(cell)) < ROUNDING * n:
+        cell = float(round(cell))
+    before = math.floor(cell)
+    return before, min(before + 1, n - 1), cell - before
+
+
+def _mean_of_cells(cells: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
+    (i, j), (k, m) = np.maximum(first, 0), np.minimum(last, np.array(cells.shape) - 1)
+    return float(cells[i : k + 1, j : m + 1].mean())
+
+
+def _check_in_one_piece(kept: np.ndarray) -> None:
+    # Neighbours share a spring, also along a diagonal.
+    from scipy.ndimage import label
+
+    pieces = label(kept, structure=np.ones((3, 3)))[1]
+    if pieces != 1:
+        raise ValueError(f"holes: got a sheet in {pieces} pieces, expected one")

@@ -25,7 +25,8 @@ Their k grow like (t / dx)^2: the two families need different scaling.
 
 Central springs tie the stiffness in plane shear to C12. The springs inside the layers have it right for v = 1/3.
 Those between raise it to 1.3 times that of an isotropic sheet for v = 1/3, and to 2.4 times for v = 1/2.
-Springs on a free edge belong to half a cell and have half the stiffness; masses follow the node's area.
+Springs on a free edge, also that of a hole, belong to half a cell and have half the stiffness; masses follow the
+node's area.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class Material:
                 stiffness[between & ~along_x & ~along_y] = weights[3] * dx * dy / height**2
         stiffness[at_side & ~along_y] *= 0.5
         stiffness[at_end & ~along_x] *= 0.5
-        return stiffness
+        return stiffness * lattice.spring_factor("whole")
 
     def _weights(self, c11: float, dx: float, dy: float, height: float) -> tuple[float, float, float, float]:
         # w_x, w_y, w_d and w_z of the module's formulas for a family that carries C11.

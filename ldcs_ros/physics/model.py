@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ldcs_ros.physics.effects.base import Assembly, Effect, Term
+from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.material import Material
@@ -80,12 +80,14 @@ class Model:
         self.arms = cast("ArmsTerm | None", by_name.get("arms"))
         self.wrench = cast("WrenchTerm | None", by_name.get("wrench"))
         self.node_mass = assembly.node_mass
-        self.n_angles = 0 if self.arms is None else 2 * self.arms.n_links
+        self.n_angles = 0 if self.arms is None else self.arms.n_arms * self.arms.n_links
         self.n_coordinates = 3 * lattice.n_nodes + self.n_angles
+        self._cut_out = coordinates(lattice.missing).ravel()
         self._find_free()
 
     def _find_free(self) -> None:
         is_free = np.ones(self.n_coordinates, dtype=bool)
+        is_free[self._cut_out] = False
         for term in self.terms:
             is_free[term.constrained_dofs()] = False
         self.free = np.flatnonzero(is_free)
@@ -99,8 +101,9 @@ class Model:
         """Return the owner of a coordinate, for messages: 'node_top_8_4' or 'left link 2'."""
         n = 3 * self.lattice.n_nodes
         if coordinate >= n:
-            side, link = divmod(coordinate - n, self.n_angles // 2)
-            return f"{('left', 'right')[side]} link {link + 1}"
+            assert self.arms is not None
+            arm, link = divmod(coordinate - n, self.arms.n_links)
+            return f"{self.arms.names[arm]} link {link + 1}"
         layer, i, j = np.unravel_index(coordinate // 3, (2, *self.lattice.nodes))
         return f"node_{LAYERS[layer]}_{i}_{j}"
 
@@ -113,7 +116,7 @@ class Model:
         return q, u
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        """Write the prescribed coordinates and rates at a time [s] into q and u."""
+        """Write the prescribed coordinates and rates at a time [s] into q and u; nodes in holes stay where they are."""
         for term in self.prescribing:
             term.prescribe(time, q, u)
 
@@ -230,6 +233,6 @@ class Model:
         n = 3 * self.lattice.n_nodes
         total = 0.5 * float(np.repeat(self.node_mass, 3) @ u[:n] ** 2)
         if self.arms is not None:
-            rate = u[n:].reshape(2, -1)
+            rate = u[n:].reshape(self.arms.n_arms, -1)
             total += 0.5 * float(np.einsum("ai,aij,aj", rate, self.arms.inertia(q), rate))
         return total

@@ -4,74 +4,99 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from ldcs_ros.physics.lattice import LAYERS, Lattice
+from ldcs_ros.schema.fields import SheetPlace
 
 NODE_NAME = re.compile(r"^node_(bottom|top)_(\d+)_(\d+)$")
 POINT_LAYERS = (*LAYERS, "mid")
 NAMED_PLACES = ("centre", "free_edge")
 
 
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """A weighted mean of nodes.
+
+    Attributes:
+        nodes: Indices of the nodes, shape (n,).
+        weight: Their weights, shape (n,); the mean divides by the sum.
+    """
+
+    nodes: np.ndarray
+    weight: np.ndarray
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Stencil):
+            return NotImplemented
+        return np.array_equal(self.nodes, other.nodes) and np.array_equal(self.weight, other.weight)
+
+    def __hash__(self) -> int:
+        return hash((self.nodes.tobytes(), self.weight.tobytes()))
+
+    @cached_property
+    def total(self) -> float:
+        """Sum of the weights."""
+        return float(self.weight.sum())
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean of values of all nodes, shape (n_nodes, 3), shape (3,)."""
+        return np.asarray((self.weight[:, None] * values[self.nodes]).sum(axis=0) / self.total)
+
+    def minus(self, other: Stencil, values: np.ndarray) -> np.ndarray:
+        """Return the mean less that of another stencil of as many nodes and the same sum of weights, shape (3,)."""
+        here, there = self.weight[:, None] * values[self.nodes], other.weight[:, None] * values[other.nodes]
+        return np.asarray((here - there).sum(axis=0) / self.total)
+
+
 @dataclass(frozen=True)
 class Point:
-    """A point that moves with the sheet: a node, or the mean of a block (both layers, middle of an even row).
+    """A point that moves with the sheet: the mean of a block of nodes, or the bilinear point between nodes.
 
     Its frame rotates with the sheet. x is along the lattice's x direction there, z along the normal (tangent in x
     times tangent in y), and y completes it. On the flat sheet it is parallel to `ldcs_base`.
 
     Attributes:
-        lattice: The lattice it belongs to.
-        layers: Which layers it averages: (0,) bottom, (1,) top, (0, 1) mid.
-        columns: Which i along x it averages: one, or the two in the middle of an even number.
-        rows: Which j along y it averages, likewise.
+        where: Its place in words.
+        layers: Layers that it averages: (0,) bottom, (1,) top, (0, 1) mid.
+        stencil: The nodes that it is the mean of.
+        behind: The same a cell before it along x, or itself at an edge or a hole.
+        ahead: The same a cell after it along x.
+        right: The same a cell before it along y.
+        left: The same a cell after it along y.
+        patch: Nodes around the point that take up a torque: both layers, up to one cell away, shape (n,).
     """
 
-    lattice: Lattice
+    where: str
     layers: tuple[int, ...]
-    columns: tuple[int, ...]
-    rows: tuple[int, ...]
+    stencil: Stencil
+    behind: Stencil
+    ahead: Stencil
+    right: Stencil
+    left: Stencil
+    patch: np.ndarray = field(compare=False)
 
-    def _block(self, columns: tuple[int, ...], rows: tuple[int, ...]) -> np.ndarray:
-        return self.lattice.index[np.ix_(self.layers, columns, rows)].ravel()
-
-    @cached_property
+    @property
     def nodes(self) -> np.ndarray:
         """Indices of the nodes that it averages, shape (n,)."""
-        return self._block(self.columns, self.rows)
+        return self.stencil.nodes
 
     @cached_property
-    def neighbours(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Indices of the nodes before and after along x, and along y; an edge itself replaces those beyond it."""
-        nx, ny = self.lattice.nodes
-        before, after = (max(self.columns[0] - 1, 0),), (min(self.columns[-1] + 1, nx - 1),)
-        right, left = (max(self.rows[0] - 1, 0),), (min(self.rows[-1] + 1, ny - 1),)
-        return (
-            self._block(before, self.rows),
-            self._block(after, self.rows),
-            self._block(self.columns, right),
-            self._block(self.columns, left),
-        )
-
-    @cached_property
-    def patch(self) -> np.ndarray:
-        """Nodes around the point that take up a torque: both layers, up to one cell away, shape (n,)."""
-        columns = slice(max(self.columns[0] - 1, 0), self.columns[-1] + 2)
-        rows = slice(max(self.rows[0] - 1, 0), self.rows[-1] + 2)
-        return self.lattice.index[:, columns, rows].ravel()
+    def fraction(self) -> np.ndarray:
+        """Fraction of a load or mass at the point that each of its nodes takes, shape (n,); their sum is 1."""
+        return self.stencil.weight / self.stencil.total
 
     def position(self, position: np.ndarray) -> np.ndarray:
         """Return the position of the point [m], shape (3,), from node positions of shape (n_nodes, 3)."""
-        return position[self.nodes].mean(axis=0)
+        return self.stencil.mean(position)
 
     def frame(self, position: np.ndarray) -> np.ndarray:
         """Return the axes of its frame as columns, shape (3, 3), from node positions [m] of shape (n_nodes, 3)."""
-        before, after, right, left = self.neighbours
-        along_x = (position[after] - position[before]).mean(axis=0)
-        along_y = (position[left] - position[right]).mean(axis=0)
+        along_x = self.ahead.minus(self.behind, position)
+        along_y = self.left.minus(self.right, position)
         normal = _cross(along_x, along_y)
         axes = np.empty((3, 3))
         axes[:, 0] = along_x / math.sqrt(along_x @ along_x)
@@ -121,14 +146,16 @@ def quaternion(axes: np.ndarray) -> np.ndarray:
 
 
 def point_at(lattice: Lattice, place: object, points: dict[str, Point] | None = None) -> Point:
-    """Return the point for a name of `points`, 'node_<layer>_<i>_<j>', or [layer, i, j], with i and j numbers or words.
+    """Return the point of a place: a name of `points`, 'node_<layer>_<i>_<j>', [layer, i, j], or a `SheetPlace`.
 
     `centre` and `free_edge` (or [layer, centre]) name the centre and the middle of the free edge at any
     resolution.
 
     Raises:
-        ValueError: There is no such place; says which there are.
+        ValueError: There is no such place, or it is in a hole; says which there are.
     """
+    if isinstance(place, SheetPlace):
+        return _between_nodes(lattice, place)
     if isinstance(place, str):
         if points and place in points:
             return points[place]
@@ -137,11 +164,13 @@ def point_at(lattice: Lattice, place: object, points: dict[str, Point] | None = 
             return point_at(lattice, [match[1], int(match[2]), int(match[3])])
         if place in NAMED_PLACES:
             return point_at(lattice, ["mid", place])
-        known = sorted(points or {}) + ["centre", "free_edge", "node_<layer>_<i>_<j>"]
-        raise ValueError(f"got {place!r}, expected a point out of {known}, or [layer, i, j]")
+        known = [*sorted(points or {}), "centre", "free_edge", "node_<layer>_<i>_<j>"]
+        raise ValueError(f"got {place!r}, expected a point out of {known}, [layer, i, j], or {{x, y, layer}}")
     if not isinstance(place, (list, tuple)) or len(place) not in (2, 3) or place[0] not in POINT_LAYERS:
-        raise ValueError(f"got {place!r}, expected [layer, i, j] with layer one of {list(POINT_LAYERS)}")
-    layers = (0, 1) if place[0] == "mid" else (LAYERS.index(place[0]),)
+        raise ValueError(
+            f"got {place!r}, expected [layer, i, j] with layer one of {list(POINT_LAYERS)}, or {{x, y, layer}}"
+        )
+    layers = _layers(place[0])
     nx, ny = lattice.nodes
     if len(place) == 2:
         if place[1] not in NAMED_PLACES:
@@ -149,13 +178,107 @@ def point_at(lattice: Lattice, place: object, points: dict[str, Point] | None = 
                 f"got {place[1]!r}, expected one of {list(NAMED_PLACES)}, or two whole numbers i, j"
             )
         columns = _middle(nx) if place[1] == "centre" else (nx - 1,)
-        return Point(lattice, layers, columns, _middle(ny))
+        return _block(lattice, layers, columns, _middle(ny))
     for index in place[1:]:
         if isinstance(index, bool) or not isinstance(index, int):
             raise ValueError(f"got {place!r}, expected whole numbers for i and j")
     lattice.node(layers[0], place[1], place[2])
-    return Point(lattice, layers, (place[1],), (place[2],))
+    return _block(lattice, layers, (place[1],), (place[2],))
+
+
+def _layers(name: str) -> tuple[int, ...]:
+    return (0, 1) if name == "mid" else (LAYERS.index(name),)
 
 
 def _middle(n: int) -> tuple[int, ...]:
     return (n // 2,) if n % 2 else (n // 2 - 1, n // 2)
+
+
+def _block(lattice: Lattice, layers: tuple[int, ...], columns: tuple[int, ...], rows: tuple[int, ...]) -> Point:
+    """Return the mean of a block of nodes.
+
+    Raises:
+        ValueError: One of them is in a hole.
+    """
+    (nx, ny), (x, y) = lattice.nodes, (columns, rows)
+
+    def stencil(columns: tuple[int, ...], rows: tuple[int, ...]) -> Stencil:
+        nodes = lattice.index[np.ix_(layers, columns, rows)].ravel()
+        return Stencil(nodes, np.ones(len(nodes)))
+
+    here = stencil(x, y)
+    where = " and ".join(map(str, x)), " and ".join(map(str, y))
+    if np.isin(here.nodes, lattice.missing).any():
+        raise ValueError(f"the node at column {where[0]}, row {where[1]} is in a hole")
+    around = (
+        stencil((max(x[0] - 1, 0),), y),
+        stencil((min(x[-1] + 1, nx - 1),), y),
+        stencil(x, (max(y[0] - 1, 0),)),
+        stencil(x, (min(y[-1] + 1, ny - 1),)),
+    )
+    patch = lattice.index[:, max(x[0] - 1, 0) : x[-1] + 2, max(y[0] - 1, 0) : y[-1] + 2].ravel()
+    return _point(lattice, f"column {where[0]}, row {where[1]}", layers, here, around, patch)
+
+
+def _between_nodes(lattice: Lattice, place: SheetPlace) -> Point:
+    """Return the bilinear point of a place on the flat sheet.
+
+    Raises:
+        ValueError: It is outside of the sheet or in a hole.
+    """
+    layers, (dx, dy) = _layers(place.layer), lattice.spacing
+    length, width = lattice.size[:2]
+
+    def stencil(x: float, y: float) -> Stencil:
+        x, y = min(max(x, 0.0), length), min(max(y, -0.5 * width), 0.5 * width)
+        corners = [lattice.bilinear(layer, x, y) for layer in layers]
+        return Stencil(np.concatenate([one[0] for one in corners]), np.concatenate([one[1] for one in corners]))
+
+    here = stencil(place.x, place.y) if lattice.covers(place.x, place.y) else None
+    if here is None:
+        raise ValueError(lattice.outside(place.x, place.y))
+    around = []
+    for x, y in ((-dx, 0.0), (dx, 0.0), (0.0, -dy), (0.0, dy)):
+        try:
+            around.append(stencil(place.x + x, place.y + y))
+        except ValueError:  # a hole is there
+            around.append(here)
+    i, j = place.x / dx, (place.y + 0.5 * width) / dy
+    columns, rows = (slice(max(math.ceil(n - 1.0 - 1e-6), 0), math.floor(n + 1.0 + 1e-6) + 1) for n in (i, j))
+    patch = lattice.index[:, columns, rows].ravel()
+    return _point(lattice, f"x {place.x:g} m, y {place.y:g} m", layers, here, tuple(around), patch)
+
+
+def _point(
+    lattice: Lattice,
+    where: str,
+    layers: tuple[int, ...],
+    here: Stencil,
+    around: tuple[Stencil, ...],
+    patch: np.ndarray,
+) -> Point:
+    # At a hole the point itself stands in for a neighbour that is missing, as at an edge.
+    behind, ahead, right, left = (
+        here if np.isin(one.nodes[one.weight > 0.0], lattice.missing).any() else one for one in around
+    )
+    pairs = [_same_corners(*pair) for pair in ((behind, ahead), (right, left))]
+    here = _same_corners(here, here)[0]
+    patch = patch[~np.isin(patch, lattice.missing)]
+    for axis, (one, other) in zip("xy", pairs, strict=True):
+        if np.allclose(one.mean(lattice.reference_position), other.mean(lattice.reference_position)):
+            raise ValueError(f"{where} has no neighbours along {axis}: its frame is not defined")
+    return Point(where, layers, here, *pairs[0], *pairs[1], patch)
+
+
+def _same_corners(one: Stencil, other: Stencil) -> tuple[Stencil, Stencil]:
+    # A point on a node, or on a line of nodes, needs no corners of weight 0.
+    if len(one.nodes) != len(other.nodes):
+        return one, other
+    used = (one.weight > 0.0) | (other.weight > 0.0)
+    return _restricted(one, used), _restricted(other, used)
+
+
+def _restricted(stencil: Stencil, used: np.ndarray) -> Stencil:
+    # A corner of weight 0 may be a node in a hole, whose position is NaN; another one replaces it.
+    nodes, weight = stencil.nodes[used], stencil.weight[used]
+    return Stencil(np.where(weight > 0.0, nodes, nodes[np.argmax(weight)]), weight)

@@ -73,7 +73,7 @@ def _torque(
     if present is not None and set(joints) <= set(known):
         target = present.copy()
         for joint, value in zip(joints, values, strict=True):
-            target.flat[known.index(joint)] = value
+            target.flat[simulation.joint_index[known.index(joint)]] = value
         if np.array_equal(target, present):
             return None
     return source.to, messages.torque_command(time_ns, joints, values)

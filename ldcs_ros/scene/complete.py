@@ -18,7 +18,8 @@ def complete_text(scene: Scene) -> str:
     for block, effect in zip(content.get("effects", []), scene.effects, strict=True):
         for field in dataclasses.fields(effect):  # type: ignore[arg-type]
             value = getattr(effect, field.name)
-            if field.name not in block and value is not None and value == field.default:
+            # None and an empty list have no spelling of their own: the key is absent.
+            if field.name not in block and value not in (None, ()) and value == field.default:
                 block[field.name] = value
     if scene.sensors:
         content["sensors"] = scene.sensors

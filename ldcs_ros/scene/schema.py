@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.integrators.settings import Solver
@@ -13,12 +13,18 @@ from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
+from ldcs_ros.physics.shapes import Disc, PlaneShape, Polygon, Rectangle, SheetRegion
 from ldcs_ros.schema.checks import Checks
-from ldcs_ros.schema.fields import did_you_mean, shown
+from ldcs_ros.schema.fields import as_location, did_you_mean, shown
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
+
+if TYPE_CHECKING:
+    # A scene imports only the effects that it names.
+    from ldcs_ros.physics.effects.arms import PlacedArm
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side: a memory limit, far above useful meshes
+HOLE_SHAPES = ("box", "circle", "polygon")
 # Effects that a scene may name more than once.
 REPEATABLE = ("clamp", "force", "payload")
 
@@ -33,10 +39,10 @@ def check_material(value: object, path: str) -> Material:
 
 def check_lattice(value: object, material: Material | None, path: str) -> Lattice:
     """Return the lattice of `lattice: {size, nodes, mass}`; a material has a density, and no mass is named."""
-    keys = ("size", "nodes") if material else ("size", "nodes", "mass")
+    required = ("size", "nodes") if material else ("size", "nodes", "mass")
     if material and isinstance(value, dict) and "mass" in value:
         raise SceneError(f"a material has a density already; drop the mass @ {path}.mass")
-    block = CHECKS.keys(value, keys, path, required=keys)
+    block = CHECKS.keys(value, (*required, "holes", "regions"), path, required=required)
     size = CHECKS.numbers(block["size"], 3, f"{path}.size", unit="m", low=1e-6)
     nodes = block["nodes"]
     if (
@@ -48,16 +54,73 @@ def check_lattice(value: object, material: Material | None, path: str) -> Lattic
             f"got {shown(nodes)}, expected two whole numbers of 2 ... {MOST_NODES} nodes @ {path}.nodes"
         )
     shape = (size[0], size[1], size[2])
+    holes = tuple(
+        _check_shape(hole, (), f"{path}.holes[{k}]")
+        for k, hole in enumerate(CHECKS.items(block.get("holes", []), f"{path}.holes"))
+    )
+    regions = tuple(
+        _check_region(region, material, f"{path}.regions[{k}]")
+        for k, region in enumerate(CHECKS.items(block.get("regions", []), f"{path}.regions"))
+    )
     if material:
-        return Lattice(shape, (nodes[0], nodes[1]), material.mass(shape), mass_by_area=True)
-    mass = CHECKS.number(block["mass"], f"{path}.mass", low=1e-9, high=1e6, unit="kg")
-    return Lattice(shape, (nodes[0], nodes[1]), mass)
+        mass = material.mass(shape)
+    else:
+        mass = CHECKS.number(block["mass"], f"{path}.mass", low=1e-9, high=1e6, unit="kg")
+    lattice = Lattice(shape, (nodes[0], nodes[1]), mass, material is not None, holes, regions)
+    if holes:
+        with CHECKS.at(path):
+            _ = lattice.missing
+    return lattice
+
+
+def _check_shape(value: object, more: tuple[str, ...], path: str) -> PlaneShape:
+    """Return the shape of `{box: [...]}`, `{circle: [...]}` or `{polygon: [...]}`."""
+    block = CHECKS.keys(value, (*HOLE_SHAPES, *more), path)
+    given = [name for name in HOLE_SHAPES if name in block]
+    if len(given) != 1:
+        CHECKS.refuse(value, f"one of {list(HOLE_SHAPES)}", path)
+    place, where = block[given[0]], f"{path}.{given[0]}"
+    if given[0] == "box":
+        x0, y0, x1, y1 = CHECKS.numbers(place, 4, where, unit="m")
+        if x0 == x1 or y0 == y1:
+            CHECKS.refuse(place, "two opposite corners of a rectangle, [x0, y0, x1, y1]", where)
+        return Rectangle((x0, y0, x1, y1))
+    if given[0] == "circle":
+        x, y, radius = CHECKS.numbers(place, 3, where, unit="m")
+        if radius <= 0.0:
+            CHECKS.refuse(place, "[x, y, radius] with a radius above 0", where)
+        return Disc((x, y), radius)
+    corners = [CHECKS.numbers(one, 2, f"{where}[{k}]", unit="m") for k, one in enumerate(CHECKS.items(place, where))]
+    if len(corners) < 3:
+        CHECKS.refuse(place, "at least three corners [x, y]", where)
+    return Polygon(tuple((x, y) for x, y in corners))
+
+
+def _check_region(value: object, material: Material | None, path: str) -> SheetRegion:
+    """Return a region: a shape and factors."""
+    factors = ("stiffness", "damping", "mass", "thickness")
+    shape = _check_shape(value, factors, path)
+    block = CHECKS.keys(value, (*HOLE_SHAPES, *factors), path)
+    given = {
+        name: CHECKS.number(block[name], f"{path}.{name}", low=1e-6, high=1e6)
+        for name in factors
+        if name in block
+    }
+    if not given:
+        CHECKS.refuse(value, f"a factor out of {list(factors)}", path)
+    if material and "thickness" in given:
+        raise SceneError(
+            f"got a thickness beside a material, expected stiffness and mass of the thicker part @ {path}.thickness"
+        )
+    return SheetRegion(shape, **given)
 
 
 def check_points(value: object, lattice: Lattice, path: str) -> dict[str, Point]:
     """Return the named points."""
     if not isinstance(value, dict):
-        raise SceneError(f"got {shown(value)}, expected a mapping of names to [layer, i, j] @ {path}")
+        raise SceneError(
+            f"got {shown(value)}, expected a mapping of names to [layer, i, j] or {{x, y, layer}} @ {path}"
+        )
     points = {}
     for name, place in value.items():
         if not isinstance(name, str) or not name.isidentifier():
@@ -67,7 +130,7 @@ def check_points(value: object, lattice: Lattice, path: str) -> dict[str, Point]
                 f"the name {name!r} is taken by the frames of wrenches; choose another @ {path}.{name}"
             )
         with CHECKS.at(f"{path}.{name}"):
-            points[name] = point_at(lattice, place)
+            points[name] = point_at(lattice, as_location(place))
     return points
 
 
@@ -96,12 +159,44 @@ def _check_effect(
     cls: type, block: dict[str, Any], lattice: Lattice, points: dict[str, Point], path: str
 ) -> Effect:
     values = {key: value for key, value in block.items() if key != "type"}
-    effect: Effect = cls(**CHECKS.declared(cls, values, path, extra=("type",)))
+    listed = [field.name for field in dataclasses.fields(cls) if "placed_arms" in field.metadata]
+    declared = CHECKS.declared(cls, values, path, extra=("type", *listed))
+    for key in listed:
+        if key in values:
+            declared[key] = _check_arms(values[key], lattice, f"{path}.{key}")
+    effect: Effect = cls(**declared)
     for field in dataclasses.fields(cls):
         if "location" in field.metadata:
             with CHECKS.at(f"{path}.{field.name}"):
                 point_at(lattice, getattr(effect, field.name), points)
     return effect
+
+
+def _check_arms(value: object, lattice: Lattice, path: str) -> tuple[PlacedArm, ...]:
+    """Return the arms of a list."""
+    from ldcs_ros.physics.effects.arms import MAX_ARMS, SHARED, Arms, PlacedArm
+
+    blocks = CHECKS.items(value, path)
+    if not 1 <= len(blocks) <= MAX_ARMS:
+        raise SceneError(f"got {len(blocks)} arms, expected 1 ... {MAX_ARMS} @ {path}")
+    own_keys = [field.name for field in dataclasses.fields(Arms) if field.name not in SHARED]
+    arms: list[PlacedArm] = []
+    for index, block in enumerate(blocks):
+        where, placed = f"{path}[{index}]", ("name", "from", "to")
+        given = CHECKS.keys(block, (*placed, *own_keys), where, required=placed)
+        name = given["name"]
+        if not isinstance(name, str) or not name.isidentifier():
+            CHECKS.refuse(name, "letters, digits and underscores", f"{where}.name")
+        if any(arm.name == name for arm in arms):
+            raise SceneError(f"the name {name!r} occurs twice; name each arm once @ {where}.name")
+        start, end = (CHECKS.numbers(given[key], 2, f"{where}.{key}", unit="m") for key in ("from", "to"))
+        for key, place in (("from", start), ("to", end)):
+            if not lattice.covers(*place):
+                raise SceneError(f"{lattice.outside(*place)} @ {where}.{key}")
+        own = {key: item for key, item in given.items() if key not in placed}
+        values = CHECKS.declared(Arms, own, where)
+        arms.append(PlacedArm(name, (start[0], start[1]), (end[0], end[1]), values))
+    return tuple(arms)
 
 
 def check_inputs(value: object, path: str) -> tuple[ScheduledCommand, ...]:

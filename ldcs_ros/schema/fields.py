@@ -15,8 +15,25 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T")
-Location = str | tuple[str | int, ...]
-"""The name of a point, or (layer, i, j)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SheetPlace:
+    """A place on the flat sheet in metres.
+
+    Attributes:
+        x: Coordinate along the sheet in ldcs_base [m].
+        y: Coordinate across it [m].
+        layer: bottom, top, or mid: the mean of both.
+    """
+
+    x: float
+    y: float
+    layer: str = "mid"
+
+
+Location = str | tuple[str | int, ...] | SheetPlace
+"""The name of a point, (layer, i, j), or a place in metres."""
 
 # Any: the default of a field that has none is of every type.
 REQUIRED: Any = dataclasses.MISSING
@@ -139,7 +156,7 @@ def check_field(value: object, field: dataclasses.Field[Any]) -> object:
     if "options" in meta:
         return _chosen(value, meta["options"], several="several" in meta)
     if "location" in meta:
-        return tuple(value) if isinstance(value, list) else value
+        return as_location(value)
     bounds = {"low": meta["low"], "high": meta["high"]}
     if meta["length"] is not None:
         if not isinstance(value, (list, tuple)) or len(value) != meta["length"]:
@@ -150,6 +167,21 @@ def check_field(value: object, field: dataclasses.Field[Any]) -> object:
     if field.type in ("int", int):
         return whole_number(value, **bounds)
     return finite_number(value, unit=meta["unit"], **bounds)
+
+
+def as_location(value: object) -> object:
+    """Return the place of `{x, y, layer}`, a tuple of a list, and other values as they are.
+
+    Raises:
+        ValueError: A mapping with other keys, or a value that is no coordinate or layer.
+    """
+    if isinstance(value, dict):
+        unknown = [key for key in value if key not in ("x", "y", "layer")]
+        if unknown or "x" not in value or "y" not in value:
+            raise ValueError(f"got {shown(value)}, expected {{x: m, y: m, layer: bottom, top or mid}}")
+        layer = _chosen(value.get("layer", "mid"), ("bottom", "top", "mid"), several=False)
+        return SheetPlace(finite_number(value["x"], unit="m"), finite_number(value["y"], unit="m"), str(layer))
+    return tuple(value) if isinstance(value, list) else value
 
 
 def check_fields(instance: DataclassInstance, path: str, error: type[LdcsError]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +13,8 @@ from ldcs_ros.errors import CommandError
 from ldcs_ros.physics.inputs import ChamberPressure, HeldCommands, ScheduledCommand, Wrench
 from ldcs_ros.physics.model import Model
 
-if TYPE_CHECKING:
-    # A scene imports only the effects that it names.
-    from ldcs_ros.physics.effects.arms import Arms
-
-
-# Time [s] and target gauge pressures [Pa] of a command whose dead time has not passed.
-PendingTargets = tuple[float, tuple[float, ...]]
+# Time [s] and target gauge pressure of each arm [Pa] of a command whose dead time has not passed; None: as before.
+PendingTargets = tuple[float, tuple[float | None, ...]]
 
 
 @dataclass(frozen=True)
@@ -50,8 +44,8 @@ class Inputs:
     A repeated command costs nothing.
 
     Attributes:
-        pressure: Commanded gauge pressure of each arm [Pa], shape (2,), or None without a pressure drive.
-        torque: Commanded torque of each joint [N m], shape (2, n_links), or None without a torque drive.
+        pressure: Commanded gauge pressure of each arm [Pa], shape (n_arms,), or None without a pressure drive.
+        torque: Commanded torque of each joint [N m], shape (n_arms, n_links), or None without a torque drive.
         wrenches: Held wrenches by frame name.
         version: Counts the changes.
     """
@@ -59,24 +53,30 @@ class Inputs:
     def __init__(self, model: Model, clock: Callable[[], float]) -> None:
         self._model, self._clock = model, clock
         self._arms = None if model.arms is None else model.arms.arms
+        self._each = () if model.arms is None else model.arms.each
+        self._names = () if model.arms is None else model.arms.names
+        self._links = 0 if model.arms is None else model.arms.n_links
         self.version = 0
         self.clear()
 
     def clear(self) -> None:
         """Return to the start: no torque, vented chambers, no wrench."""
         arms, self.wrenches = self._arms, dict[str, Wrench]()
-        self.torque = np.zeros((2, arms.links)) if arms is not None and arms.drive == "torque" else None
+        n = len(self._each)
+        self.torque = np.zeros((n, self._links)) if arms is not None and arms.drive == "torque" else None
         self.pressure: np.ndarray | None = None
         self._chambers: tuple[ChamberPressure, ...] = ()
         if arms is not None and arms.drive == "pressure":
-            self.pressure = np.zeros(2)
-            self._chambers = (ChamberPressure(0.0, 0.0, 0.0, arms.fill_time, arms.vent_time),) * 2
+            self.pressure = np.zeros(n)
+            self._chambers = tuple(
+                ChamberPressure(0.0, 0.0, 0.0, own.fill_time, own.vent_time) for own in self._each
+            )
         self._pending: tuple[PendingTargets, ...] = ()
         self._overridden: frozenset[str] = frozenset()
         self.version += 1
 
     def set_pressure(self, value: ArrayLike) -> None:
-        """Command gauge pressures [Pa]: one number for both arms, or (left, right).
+        """Command gauge pressures [Pa]: one number for all arms, or one an arm in the order of the scene.
 
         Raises:
             CommandError: No pressure drive, wrong size, not finite, or outside 0 ... pressure_limit.
@@ -85,24 +85,34 @@ class Inputs:
         self._overridden |= {"pressure"}
 
     def _apply_pressure(self, value: object) -> None:
-        arms = self._arms_driven_by("pressure")
-        target = self._numbers(value, "pressure", "Pa", ((), (2,)))
-        limit = arms.pressure_limit
+        self._check_drive("pressure")
+        n = len(self._each)
+        given = self._numbers(value, "pressure", "Pa", ((), (n,)))
+        limit = np.array([own.pressure_limit for own in self._each])
+        target = np.broadcast_to(given, (n,))
         if (target < 0.0).any() or (target > limit).any():
-            raise CommandError(f"pressure: got {_shown(target)} Pa, expected 0 ... {limit:g} Pa (gauge)")
-        target = np.broadcast_to(target, (2,))
+            raise CommandError(
+                f"pressure: got {_shown(given)} Pa, expected 0 ... {self._of_each(limit)} Pa (gauge)"
+            )
         if self.pressure is not None and np.array_equal(target, self.pressure):
             return
         self.pressure = target.copy()
         targets = tuple(float(p) for p in self.pressure)
-        if arms.dead_time > 0.0:
-            self._pending += ((self._clock() + arms.dead_time, targets),)
-        else:
-            self._set_targets(self._clock(), targets)
+        now = self._clock()
+        for dead_time in sorted({own.dead_time for own in self._each}):
+            answering = tuple(
+                target if own.dead_time == dead_time else None
+                for own, target in zip(self._each, targets, strict=True)
+            )
+            if dead_time > 0.0:
+                pending = [*self._pending, (now + dead_time, answering)]
+                self._pending = tuple(sorted(pending, key=lambda one: one[0]))
+            else:
+                self._set_targets(now, answering)
         self.version += 1
 
     def set_torque(self, value: ArrayLike) -> None:
-        """Command joint torques [N m]: one number, one an arm (left, right), or shape (2, n_links).
+        """Command joint torques [N m]: one number, one an arm in the order of the scene, or shape (n_arms, n_links).
 
         Raises:
             CommandError: No torque drive, wrong size, not finite, or above torque_limit.
@@ -111,14 +121,13 @@ class Inputs:
         self._overridden |= {"torque"}
 
     def _apply_torque(self, value: object) -> None:
-        arms = self._arms_driven_by("torque")
-        links, limit = arms.links, arms.torque_limit
-        torque = self._numbers(value, "torque", "N m", ((), (2,), (2, links)))
-        if (np.abs(torque) > limit).any():
-            raise CommandError(f"torque: got {_shown(torque)} N m, expected at most {limit:g} N m")
-        if torque.shape == (2,):
-            torque = torque[:, None]
-        torque = np.broadcast_to(torque, (2, links))
+        self._check_drive("torque")
+        n, links = len(self._each), self._links
+        given = self._numbers(value, "torque", "N m", ((), (n,), (n, links)))
+        limit = np.array([own.torque_limit for own in self._each])
+        torque = np.broadcast_to(given[:, None] if given.shape == (n,) else given, (n, links))
+        if (np.abs(torque) > limit[:, None]).any():
+            raise CommandError(f"torque: got {_shown(given)} N m, expected at most {self._of_each(limit)} N m")
         if self.torque is not None and np.array_equal(torque, self.torque):
             return
         self.torque = torque.copy()
@@ -208,7 +217,7 @@ class Inputs:
             self.set_torque(0.0)
 
     def chamber_pressure(self, time: float) -> np.ndarray:
-        """Return the gauge pressure in each arm at a time [Pa], shape (2,), or (0,) without a pressure drive."""
+        """Return the gauge pressure in each arm at a time [Pa], shape (n_arms,), or (0,) without a pressure drive."""
         return np.array([chamber.at(time) for chamber in self._chambers])
 
     def held(self) -> HeldCommands:
@@ -237,13 +246,18 @@ class Inputs:
         self._chambers, self._pending, self._overridden = state.chambers, state.pending, state.overridden
         self.version += 1
 
-    def _set_targets(self, time: float, targets: tuple[float, ...]) -> None:
+    def _set_targets(self, time: float, targets: tuple[float | None, ...]) -> None:
         self._chambers = tuple(
-            replace(chamber, time=time, pressure=chamber.at(time), target=target)
+            chamber if target is None else replace(chamber, time=time, pressure=chamber.at(time), target=target)
             for chamber, target in zip(self._chambers, targets, strict=True)
         )
 
-    def _arms_driven_by(self, drive: str) -> Arms:
+    def _of_each(self, limit: np.ndarray) -> str:
+        if (limit == limit[0]).all():
+            return f"{limit[0]:g}"
+        return ", ".join(f"{name} {value:g}" for name, value in zip(self._names, limit, strict=True))
+
+    def _check_drive(self, drive: str) -> None:
         if self._arms is None:
             raise CommandError(
                 f"{drive}: the scene has no arms; add '- {{type: arms, drive: {drive}}}' to its effects"
@@ -252,7 +266,6 @@ class Inputs:
             raise CommandError(
                 f"{drive}: the scene's arms are driven by {self._arms.drive}; set 'drive: {drive}' in its arms"
             )
-        return self._arms
 
     @staticmethod
     def _numbers(value: object, what: str, unit: str, shapes: tuple[tuple[int, ...], ...]) -> np.ndarray:

@@ -143,16 +143,19 @@ class Simulation:
             ValueError: A shape is wrong or a number is not finite; nothing changed.
         """
         q, u = self.model.reference_state()
-        n = 3 * self.lattice.n_nodes
+        n, arms = 3 * self.lattice.n_nodes, self.model.arms
+        link_shape = (0, 0) if arms is None else (arms.n_arms, arms.n_links)
         for name, value, target, shape in (
             ("position", position, q[:n], (self.lattice.n_nodes, 3)),
             ("velocity", velocity, u[:n], (self.lattice.n_nodes, 3)),
-            ("link_angle", link_angle, q[n:], (len(self.arm_names), self.model.n_angles // 2)),
-            ("link_rate", link_rate, u[n:], (len(self.arm_names), self.model.n_angles // 2)),
+            ("link_angle", link_angle, q[n:], link_shape),
+            ("link_rate", link_rate, u[n:], link_shape),
         ):
             if value is None:
                 continue
-            array = np.asarray(value, dtype=float)
+            array = np.array(value, dtype=float)
+            if array.shape == (self.lattice.n_nodes, 3):
+                array[self.lattice.missing] = target.reshape(-1, 3)[self.lattice.missing]
             if array.shape != shape or not np.isfinite(array).all():
                 got = f"shape {array.shape}" if array.shape != shape else "a number that is not finite"
                 raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
@@ -188,7 +191,7 @@ class Simulation:
     def _build_state(self) -> State:
         motion = self.motion()
         n = 3 * self.lattice.n_nodes
-        arms = (2, -1) if self.model.n_angles else (0, 0)
+        arms = (len(self.arm_names), -1) if self.model.n_angles else (0, 0)
         # A command at this very time acts with the next advance.
         waiting = self._input_version != self.inputs.version
         checkpoint = Checkpoint(
@@ -207,13 +210,21 @@ class Simulation:
         )
         return State(
             time=self.time,
-            position=_read_only(motion.q[:n].reshape(-1, 3)),
-            velocity=_read_only(motion.u[:n].reshape(-1, 3)),
+            position=self._of_nodes(motion.q[:n]),
+            velocity=self._of_nodes(motion.u[:n]),
             link_angle=_read_only(motion.q[n:].reshape(arms)),
             link_rate=_read_only(motion.u[n:].reshape(arms)),
             pressure=_read_only(self.inputs.chamber_pressure(self.time)),
             memory=checkpoint,
         )
+
+    def _of_nodes(self, flat: np.ndarray) -> np.ndarray:
+        values = flat.reshape(-1, 3)
+        missing = self.lattice.missing
+        if missing.size:
+            values = values.copy()
+            values[missing] = np.nan
+        return _read_only(values)
 
     @property
     def last_step(self) -> Step:
@@ -237,16 +248,21 @@ class Simulation:
 
     @property
     def arm_names(self) -> tuple[str, ...]:
-        """('left', 'right'), or () without arms."""
-        return ("left", "right") if self.model.arms is not None else ()
+        """Names of the arms in the order of the scene; () without arms."""
+        return self.model.arms.names if self.model.arms is not None else ()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the arms' joints, left arm first, base to tip; () without arms."""
+        """Names of the arms' joints in the order of the scene, base to tip; () without arms."""
         if self.model.arms is None:
             return ()
-        links = range(1, self.model.arms.n_links + 1)
-        return tuple(f"{arm}_joint_{k}" for arm in self.arm_names for k in links)
+        pairs = zip(self.arm_names, self.model.arms.links, strict=True)
+        return tuple(f"{arm}_joint_{k}" for arm, links in pairs for k in range(1, links + 1))
+
+    @property
+    def joint_index(self) -> np.ndarray:
+        """Index of each joint of `joint_names` in a flattened array of shape (n_arms, n_links), shape (n_joints,)."""
+        return np.zeros(0, dtype=int) if self.model.arms is None else np.flatnonzero(self.model.arms.used)
 
     @property
     def joint_torque(self) -> np.ndarray:

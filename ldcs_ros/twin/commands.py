@@ -151,7 +151,7 @@ class Commands:
         _check_finite(values, "effort [N m]")
         torque = np.array(inputs.torque, dtype=float)
         for name, value in zip(names, values, strict=True):
-            torque.flat[known.index(name)] = value
+            torque.flat[self._simulation.joint_index[known.index(name)]] = value
         _within_limits(inputs.set_torque, torque)
 
     def _arms(self, message: ArmCommandMessage) -> None:

@@ -52,7 +52,9 @@ class Reports:
         self._emit = emit
         self._settings = settings
         self._has_subscribers = has_subscribers
-        self._cloud = NodeCloud(simulation.lattice.nodes, frames.base)
+        self._cloud = NodeCloud(
+            simulation.lattice.nodes, frames.base, is_dense=not simulation.lattice.missing.size
+        )
         self._markers = Markers(simulation.scene, frames.base)
         self._truth = {point: f"truth/{point}/pose" for point in simulation.points}
         self._variance = 0.0 if pressure is None else pressure.noise**2
@@ -101,7 +103,8 @@ class Reports:
         for point, topic in self._truth.items():
             self._send(topic, messages.pose(now, *poses[point], frame=base), now)
         if simulation.arm_names:
-            joints = (state.joint_angle, state.joint_rate, simulation.joint_torque)
+            values = (state.joint_angle, state.joint_rate, simulation.joint_torque)
+            joints = (value.ravel()[simulation.joint_index] for value in values)
             self._send("joint_states", messages.joint_states(now, simulation.joint_names, *joints), now)
         if self._settings.full_precision or self._has_subscribers("lattice_state"):
             message = lattice_state(now, base, simulation.lattice, simulation.arm_names, state)

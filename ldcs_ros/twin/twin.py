@@ -357,7 +357,8 @@ class Twin:
         if inputs.pressure is not None:
             self.emit(TOPICS["pressure_command"], messages.pressure_command(inputs.pressure), now)
         elif inputs.torque is not None:
-            torque = messages.torque_command(now, self.simulation.joint_names, inputs.torque)
+            values = inputs.torque.ravel()[self.simulation.joint_index]
+            torque = messages.torque_command(now, self.simulation.joint_names, values)
             self.emit(TOPICS["torque_command"], torque, now)
 
     def _clear_wrench(self, frame: str) -> None:

@@ -75,7 +75,7 @@ def _off_the_mid_plane(rest: Rest, name: str, height: float) -> np.ndarray:
     # the bottom to the top node stays straight.
     lattice = rest.simulation.lattice
     point = rest.simulation.points[name]
-    through = lattice.index[:, point.columns[0], point.rows[0]]
+    through = point.nodes.reshape(2, -1)[:, 0]
     now, flat = (np.diff(place[through], axis=0)[0] for place in (rest.position, lattice.reference_position))
     further: np.ndarray = MM * height / lattice.size[2] * (now - flat)
     return further

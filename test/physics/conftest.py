@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from ldcs_ros.physics.effects import effect_class
+from ldcs_ros.physics.effects.arms import PlacedArm
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import point_at
+from ldcs_ros.schema.fields import SheetPlace
 
 # One way to build every effect of the table that has a force, with parameters that make all its parts act.
 CASES = {
@@ -22,6 +24,20 @@ CASES = {
     "arms torque": ("arms", {"width": 1}),
     "arms pressure, bisector": ("arms", {"drive": "pressure", "crosspiece": "bisector", "links": 3}),
     "arms raised, stiff base": ("arms", {"width": 1, "rigid_base": 0.01, "backbone_height": 0.004}),
+    "arms in any direction": (
+        "arms",
+        {
+            "arms": (
+                PlacedArm("slanted", (0.02, -0.05), (0.13, 0.06), {"width": 1, "joint_damping": 0.05}),
+                PlacedArm("across", (0.105, -0.07), (0.105, 0.05), {"links": 2, "link_mass": 0.02}),
+                PlacedArm(
+                    "backwards", (0.14, 0.01), (0.03, 0.01), {"rigid_base": 0.005, "crosspiece": "bisector"}
+                ),
+            )
+        },
+    ),
+    "force between nodes": ("force", {"at": SheetPlace(0.05, -0.012), "value": (0.1, -0.2, 0.3)}),
+    "payload between nodes": ("payload", {"at": SheetPlace(0.05, 0.03, "top"), "mass": 0.04}),
     "floor": ("floor", {"height": -0.004}),
     "support": ("support", {"length": 0.6}),
     "drag": ("drag", {}),

@@ -54,9 +54,10 @@ class RailPoint:
 class RailSimulation:
     """Rises at SPEED; P0 and P1 are its first and last node; diverges at a time that the scene names."""
 
-    lattice = SimpleNamespace(nodes=NODES, n_nodes=12)
+    lattice = SimpleNamespace(nodes=NODES, n_nodes=12, missing=np.zeros(0, dtype=int))
     arm_names = ("left", "right")
     joint_names = ("left_joint_1", "left_joint_2", "right_joint_1", "right_joint_2")
+    joint_index = np.arange(4)
     joint_torque = np.array([[0.1, 0.2], [0.3, 0.4]])
 
     def __init__(self, scene):

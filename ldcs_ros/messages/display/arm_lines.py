@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros.messages.display import colours
 from ldcs_ros.messages.display.marker import CYLINDER, LINE_STRIP, SPHERE_LIST, MarkerSpec
-from ldcs_ros.physics.effects.arms import ARM_NAMES, Arms, ArmsTerm
+from ldcs_ros.physics.effects.arms import Arms, ArmsTerm
 from ldcs_ros.physics.effects.base import Assembly, Effect
 from ldcs_ros.physics.effects.driven_edges import DrivenEdges
 from ldcs_ros.physics.lattice import Lattice
@@ -36,7 +36,6 @@ class ArmLines:
         for effect in effects:
             if isinstance(effect, Arms):
                 self._term = ArmsTerm(Assembly(lattice, points, lattice.node_mass), effect)
-                self._across = arm_positions(self._term)
             elif isinstance(effect, DrivenEdges):
                 self._edges = [(edge, _middle(lattice, edge)) for edge in effect.edges]
 
@@ -45,13 +44,13 @@ class ArmLines:
 
         Args:
             position: Node positions [m], shape (n_nodes, 3).
-            link_angle: Angles of the links to the x axis [rad], shape (n_arms, n_links).
+            link_angle: Angles of the links to their arms' lines [rad], shape (n_arms, n_links).
         """
         drawn = {edge: position[nodes].mean(axis=0) for edge, nodes in self._edges}
         if self._term is not None and np.size(link_angle):
             stations = self._term.station_positions(np.concatenate([position.ravel(), np.ravel(link_angle)]))
-            for name, across, plane in zip(ARM_NAMES, self._across, stations, strict=True):
-                drawn[name] = np.insert(plane, 1, across, axis=1)
+            for name, line, links in zip(self._term.names, stations, self._term.links, strict=True):
+                drawn[name] = line[: links + 1]
         return drawn
 
     def specs(self, position: np.ndarray, link_angle: np.ndarray) -> list[MarkerSpec]:
@@ -59,7 +58,7 @@ class ArmLines:
         width = _WIDTH * self._thickness
         drawn = []
         for name, points in self.lines(position, link_angle).items():
-            if name in ARM_NAMES:
+            if self._term is not None and name in self._term.names:
                 pairs = zip(points[:-1], points[1:], strict=True)
                 drawn += [_link(f"{name}/link_{k + 1}", *ends, width) for k, ends in enumerate(pairs)]
                 scale = (_JOINT * self._thickness,) * 3
@@ -72,18 +71,15 @@ class ArmLines:
         return drawn
 
 
-def arm_positions(arms: ArmsTerm) -> list[float]:
-    """Return the coordinate y of each arm [m]: the middle of the rows that it covers."""
-    arm_of, rows = arms.couplings[0], arms.couplings[3]
-    return [float(np.mean(np.unique(rows[arm_of == arm]))) for arm in range(len(ARM_NAMES))]
-
-
 def _link(name: str, start: np.ndarray, end: np.ndarray, width: float) -> MarkerSpec:
-    """Return a cylinder from one point to another [m] in a plane of constant y."""
-    x, _, z = end - start
-    half = 0.5 * np.arctan2(x, z)  # of the turn about y that takes z to the link
-    scale = (width, width, float(np.hypot(x, z)))
-    turn = (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
+    """Return a cylinder from one point to another [m]."""
+    x, y, z = end - start
+    flat = float(np.hypot(x, y))
+    # The rotation about z x link takes z to the link; a vertical one turns about y.
+    half = 0.5 * np.arctan2(flat, z)
+    axis = (-y / flat, x / flat) if flat > 0.0 else (0.0, 1.0)
+    scale = (width, width, float(np.hypot(flat, z)))
+    turn = (float(axis[0] * np.sin(half)), float(axis[1] * np.sin(half)), 0.0, float(np.cos(half)))
     return MarkerSpec(name, CYLINDER, scale, colours.ARM, position=0.5 * (start + end), orientation=turn)
 
 

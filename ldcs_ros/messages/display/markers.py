@@ -112,7 +112,7 @@ class Markers:
     @cached_property
     def _surface(self) -> SurfaceMesh:
         lattice = self._scene.lattice
-        return SurfaceMesh(lattice.nodes, float(lattice.size[0]), self._frame)
+        return SurfaceMesh(lattice.nodes, float(lattice.size[0]), self._frame, lattice.missing)
 
     @cached_property
     def _scene_loads(self) -> list[SceneLoad]:

@@ -21,10 +21,17 @@ class SurfaceMesh:
         nodes: Number of nodes along x and along y.
         length: Length of the sheet along x, half of which above and below is the scale of colours [m].
         frame: Name of the base frame.
+        missing: Nodes in holes.
     """
 
-    def __init__(self, nodes: tuple[int, int], length: float, frame: str = BASE_FRAME) -> None:
-        self._corners = triangles(nodes).ravel()
+    def __init__(
+        self,
+        nodes: tuple[int, int],
+        length: float,
+        frame: str = BASE_FRAME,
+        missing: np.ndarray | None = None,
+    ) -> None:
+        self._corners = triangles(nodes, missing).ravel()
         self._length = length
         sizes = self._corners.size * _POINT_BYTES, self._corners.size * _COLOUR_BYTES
         self._message = MessageTemplate(_mesh_marker(self._corners.size, frame), *sizes)
@@ -36,27 +43,32 @@ class SurfaceMesh:
         return self._message.fill(time_ns, corners, np.ascontiguousarray(colours[self._corners], dtype="<f4"))
 
 
-def triangles(nodes: tuple[int, int]) -> np.ndarray:
-    """Return node indices of the closed mesh, shape (n_triangles, 3), anticlockwise seen from outside."""
+def triangles(nodes: tuple[int, int], missing: np.ndarray | None = None) -> np.ndarray:
+    """Return node indices of the closed mesh, shape (n_triangles, 3), anticlockwise seen from outside.
+
+    Args:
+        nodes: Number of nodes along x and along y.
+        missing: Nodes in holes; the cells around them are open, with walls.
+    """
     nx, ny = nodes
-    index = np.arange(2 * nx * ny).reshape(2, nx, ny)
-    bottom, top = index
-    return np.concatenate(
-        [
-            _grid(top),
-            _grid(bottom.T),
-            _grid(np.stack([bottom[:, 0], top[:, 0]], axis=1)),
-            _grid(np.stack([top[:, -1], bottom[:, -1]], axis=1)),
-            _grid(np.stack([top[0], bottom[0]], axis=1)),
-            _grid(np.stack([bottom[-1], top[-1]], axis=1)),
-        ]
-    )
-
-
-def _grid(index: np.ndarray) -> np.ndarray:
-    # Two triangles a cell; the normal is (first axis) x (second axis).
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    return np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]).reshape(-1, 3)
+    bottom, top = np.arange(2 * nx * ny).reshape(2, nx, ny)
+    kept = np.ones((nx, ny), dtype=bool)
+    if missing is not None:
+        kept.ravel()[missing[missing < nx * ny]] = False
+    # Corners of each cell, anticlockwise seen from above.
+    first, second = slice(None, -1), slice(1, None)
+    corners = ((first, first), (second, first), (second, second), (first, second))
+    whole = np.logical_and.reduce([kept[corner] for corner in corners])
+    low, high = (np.stack([layer[corner] for corner in corners], axis=-1) for layer in (bottom, top))
+    quads = [high[whole], low[whole][:, ::-1]]
+    padded = np.pad(whole, 1)
+    # A side of a cell is a wall where the cell beyond it is none: y_min, x_max, y_max, x_min.
+    for k, (i, j) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
+        beyond = padded[1 + i : nx + i, 1 + j : ny + j]
+        a, b, wall = k, (k + 1) % 4, whole & ~beyond
+        quads.append(np.stack([low[wall, a], low[wall, b], high[wall, b], high[wall, a]], axis=-1))
+    quad = np.concatenate(quads)
+    return np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
 
 
 def _mesh_marker(n_corners: int, frame: str) -> RosMessage:

@@ -1,30 +1,61 @@
-"""Two continuum arms of torque-driven links that lift the sheet's side edges, and are bent by its weight."""
+"""Continuum arms of torque-driven links that lift and curve the sheet, and are bent by its weight."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
 from ldcs_ros.physics import arm
+from ldcs_ros.physics.arm import ArmChains, Couplings
 from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.schema.fields import choice, quantity
 
 ARM_NAMES = ("left", "right")
+"""The arms of an entry without a list: along the edges y_max and y_min."""
+MAX_ARMS = 16
 DRIVES = ("torque", "pressure", "curvature")
+SHARED = ("drive", "arms")
+"""Keys of the entry that hold for all of its arms and that no arm has of its own."""
+
+
+@dataclass(frozen=True)
+class PlacedArm:
+    """One arm of the list: a straight line on the flat sheet.
+
+    Attributes:
+        name: Its name, which begins the names of its joints and topics.
+        start: Its base, x and y on the flat sheet in ldcs_base [m].
+        end: Its tip, likewise [m].
+        own: Its own values of parameters of `Arms`, by name.
+    """
+
+    name: str
+    start: tuple[float, float]
+    end: tuple[float, float]
+    own: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def length(self) -> float:
+        """Its length on the flat sheet [m]."""
+        return math.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arms(Effect):
-    """Two arms along the edges y_max (left) and y_min (right), moving in the XZ plane (paper, section II, Figure 3).
+    """Arms that bend in the plane of their line on the sheet and its normal (paper, section II, Figure 3).
 
-    Each is a chain of equal links with torsional springs and dampers at its joints. Joint stations are the base and
-    the end of each link. Each station has a massless rib (key `crosspiece`) as long as the sheet is thick. Coupling
-    springs join it to the sheet's bottom and top nodes, or to the point between two columns of nodes. Numbers
-    without a source are not printed in the paper: identify them, do not trust them.
+    Without a list there are two: `left` along the edge y_max and `right` along y_min. Each is a chain of equal
+    links with torsional springs and dampers at its joints. Joint stations are the base and the end of each link.
+    Each station has a massless rib (key `crosspiece`) as long as the sheet is thick. Coupling springs join it to
+    the sheet's bottom and top nodes, or to the bilinear point between them. Numbers without a source are not
+    printed in the paper: identify them, do not trust them.
 
     Attributes:
         drive: Drive of the joints: torque, pressure (through a valve) or prescribed curvature.
@@ -41,7 +72,7 @@ class Arms(Effect):
             bisector of the links that meet there.
         coupling_stiffness: Stiffness of each coupling spring [N/m].
         coupling_damping: Coefficient of each coupling damper [N s/m].
-        width: Cells that an arm covers across the sheet: rows 0 ... width from its edge are coupled.
+        width: Cells that an arm covers on each side of its line; those outside of the sheet do not count.
         torque_limit: Largest magnitude of a commanded joint torque [N m].
         pressure_gain: Joint torque for a gauge pressure [N m/Pa].
         pressure_limit: Largest commanded gauge pressure [Pa]; the smallest is 0.
@@ -50,6 +81,7 @@ class Arms(Effect):
         dead_time: Delay between a pressure command and the valve's answer [s].
         curvature: Final curvature of the drive 'curvature' [1/m].
         rise_time: Duration of its smooth rise [s].
+        arms: The arms; each may have its own value of every parameter but the drive. Empty for left and right.
     """
 
     name: ClassVar[str] = "arms"
@@ -161,31 +193,43 @@ class Arms(Effect):
     )
     rise_time: float = quantity(1.0, "s", "duration of its smooth rise", low=1e-6, high=1e6)
 
+    arms: tuple[PlacedArm, ...] = field(default=(), metadata={"placed_arms": True})
+
+    def placed(self, lattice: Lattice) -> tuple[PlacedArm, ...]:
+        """Return the arms of the list; without one, left and right along the edges of a lattice."""
+        if self.arms:
+            return self.arms
+        length, side = lattice.size[0], 0.5 * lattice.size[1]
+        return tuple(
+            PlacedArm(name, (0.0, y), (length, y)) for name, y in zip(ARM_NAMES, (side, -side), strict=True)
+        )
+
+    def of(self, placed: PlacedArm) -> Arms:
+        """Return the parameters of one arm."""
+        return replace(self, arms=(), **placed.own)  # type: ignore[arg-type]  # checked by their declarations
+
     def bind(self, assembly: Assembly) -> Term:
         """Return the arms' term.
 
         Raises:
-            ValueError: The arms are wider than the sheet, their stiff base is as long as a link, or their
-                backbone is outside the sheet.
+            ValueError: An arm leaves the sheet or crosses a hole, is wider than the sheet, its stiff base is as
+                long as a link, or its backbone is outside the sheet.
         """
-        length, thickness = assembly.lattice.size[0] / self.links, assembly.lattice.size[2]
-        if self.rigid_base >= length:
-            raise ValueError(
-                f"rigid_base: got {self.rigid_base:g} m, expected less than a link, {length:g} m"
-            )
-        if abs(self.backbone_height) > 0.5 * thickness:
-            raise ValueError(
-                f"backbone_height: got {self.backbone_height:g} m, expected a height inside the sheet, "
-                f"{-0.5 * thickness:g} ... {0.5 * thickness:g} m"
-            )
-        rows = assembly.lattice.nodes[1]
-        if self.width >= rows:
-            raise ValueError(f"width: got {self.width}, expected 0 ... {rows - 1}, the sheet has {rows} rows")
         return ArmsTerm(assembly, self)
 
 
 class ArmsTerm(Term):
-    """The two chains and their couplings; coordinates are the absolute link angles, left arm first."""
+    """The chains and their couplings; coordinates are the absolute link angles, arm by arm.
+
+    Attributes:
+        arms: The effect.
+        names: Name of each arm.
+        each: Parameters of each arm.
+        n_arms: Number of arms.
+        n_links: Links of the longest chain; a shorter one ends in unused coordinates that stay 0.
+        links: Number of links of each arm, shape (n_arms,).
+        used: Whether a coordinate is one of a link, shape (n_arms, n_links).
+    """
 
     name = Arms.name
     commanded = True
@@ -194,109 +238,66 @@ class ArmsTerm(Term):
     def __init__(self, assembly: Assembly, arms: Arms) -> None:
         lattice = assembly.lattice
         self.arms = arms
-        self.n_links = arms.links
+        placed = arms.placed(lattice)
+        self.names = tuple(one.name for one in placed)
+        self.each = tuple(arms.of(one) for one in placed)
+        self.n_arms = len(placed)
+        self.links = np.array([one.links for one in self.each])
+        self.n_links = int(self.links.max())
         self.first = 3 * lattice.n_nodes
-        self.link_length = np.full(arms.links, lattice.size[0] / arms.links)
-        self.link_length[0] -= arms.rigid_base
-        self.base = np.array([arms.rigid_base, arms.backbone_height])
-        self.gravity = assembly.gravity
-        fraction = np.ones(arms.links)
-        fraction[0] = arms.base_joint_share
-        self.stiffness, self.damping = arms.joint_stiffness / fraction, arms.joint_damping / fraction
+        for one, own in zip(placed, self.each, strict=True):
+            _check_shape(one, own, lattice, listed=bool(arms.arms))
+        self.chains = _chains(placed, self.each, assembly.gravity)
+        self.couplings = _couplings(placed, self.each, lattice)
+        self.link_length = self.chains.length
         self.prescribed = arms.drive == "curvature"
-        self.breakpoints = (0.0, arms.rise_time) if self.prescribed else ()
-        self._build_couplings(assembly)
-        self._still = np.zeros((2, arms.links))
-
-    def _build_couplings(self, assembly: Assembly) -> None:
-        # One coupling for each arm, station, row under the arm, and layer.
-        lattice, links = assembly.lattice, self.n_links
-        nx, ny = lattice.nodes
-        arm_of, station, offset, row_y, nodes, weight = [], [], [], [], [], []
-        for side, rows in enumerate(
-            (range(ny - 1, ny - 2 - self.arms.width, -1), range(self.arms.width + 1))
-        ):
-            for s in range(links + 1):
-                column, remainder = divmod(s * (nx - 1), links)
-                fraction = remainder / links
-                for j in rows:
-                    for level, sign in ((0, -0.5), (1, 0.5)):
-                        near, far = (
-                            lattice.node(level, column, j),
-                            lattice.node(level, min(column + 1, nx - 1), j),
-                        )
-                        arm_of.append(side)
-                        station.append(s)
-                        offset.append(sign * lattice.size[2] - self.arms.backbone_height)
-                        row_y.append(lattice.reference_position[near, 1])
-                        nodes.append((near, far))
-                        weight.append((1.0 - fraction, fraction))
-        rib_weight = np.zeros((links + 1, links))
-        for s in range(1, links + 1):
-            rib_weight[s, s - 1] = 1.0
-            if self.arms.crosspiece == "bisector" and links > 1:
-                before, after = (s - 1, s) if s < links else (s - 2, s - 1)
-                rib_weight[s] = 0.0
-                rib_weight[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
-        self.couplings = (
-            np.array(arm_of),
-            np.array(station),
-            np.array(offset),
-            np.array(row_y),
-            np.array(nodes),
-            np.array(weight),
-            rib_weight,
-            self.arms.coupling_stiffness,
-            self.arms.coupling_damping,
-        )
+        self.breakpoints = (0.0, *(own.rise_time for own in self.each)) if self.prescribed else ()
+        turned = [bool(np.any(self.chains.direction[:, axis])) for axis in range(2)]
+        self._axes = np.array([axis for axis in range(3) if axis == 2 or turned[axis]])
+        self._gain = np.array([[own.pressure_gain] for own in self.each])
+        self.used = np.arange(self.n_links) < self.links[:, None]
+        self._still = np.zeros((self.n_arms, self.n_links))
 
     def angles(self, flat: np.ndarray) -> np.ndarray:
-        """Return the arms' part of a flat vector, shape (2, n_links), as a view."""
-        return flat[self.first :].reshape(2, self.n_links)
+        """Return the arms' part of a flat vector, shape (n_arms, n_links), as a view."""
+        return flat[self.first :].reshape(self.n_arms, self.n_links)
 
     def constrained_dofs(self) -> np.ndarray:
-        return self.first + np.arange(2 * self.n_links) if self.prescribed else super().constrained_dofs()
+        if self.prescribed:
+            return self.first + np.arange(self.n_arms * self.n_links)
+        return super().constrained_dofs()
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         if self.prescribed:
-            fraction, fraction_rate = smoothstep(time / self.arms.rise_time)
-            bend = self.arms.curvature * (np.cumsum(self.link_length) - 0.5 * self.link_length)
-            self.angles(q)[:] = fraction * bend
-            self.angles(u)[:] = fraction_rate / self.arms.rise_time * bend
+            for arm_index, own in enumerate(self.each):
+                fraction, fraction_rate = smoothstep(time / own.rise_time)
+                length = self.link_length[arm_index]
+                bend = own.curvature * (np.cumsum(length) - 0.5 * length)
+                self.angles(q)[arm_index] = fraction * bend
+                self.angles(u)[arm_index] = fraction_rate / own.rise_time * bend
 
     def drive_torque(self, time: float, inputs: HeldCommands) -> np.ndarray:
-        """Return the drive torque of each joint [N m], shape (2, n_links)."""
+        """Return the drive torque of each joint [N m], shape (n_arms, n_links); 0 for unused links."""
         if self.arms.drive == "torque" and inputs.torque is not None:
-            return inputs.torque
+            return inputs.torque if self.used.all() else np.where(self.used, inputs.torque, 0.0)
         if self.arms.drive == "pressure" and inputs.chambers:
             pressure = np.array([[chamber.at(time)] for chamber in inputs.chambers])
-            return np.repeat(self.arms.pressure_gain * pressure, self.n_links, axis=1)
+            torque = np.repeat(self._gain * pressure, self.n_links, axis=1)
+            return torque if self.used.all() else np.where(self.used, torque, 0.0)
         return self._still
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
-        """Return the mass matrix of each arm's link angles [kg m^2], shape (2, n_links, n_links)."""
-        matrix = np.empty((2, self.n_links, self.n_links))
-        arm.fill_inertia(
-            self.angles(q), self.arms.link_mass, self.arms.link_inertia, self.link_length, matrix
-        )
+        """Return the mass matrix of each arm's link angles [kg m^2], shape (n_arms, n_links, n_links)."""
+        matrix = np.empty((self.n_arms, self.n_links, self.n_links))
+        arm.fill_inertia(self.angles(q), self.chains, matrix)
         return matrix
 
     def add_force(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         phi, rate, torque = self.angles(q), self.angles(u), self.angles(force)
-        arm.add_chain_force(
-            phi,
-            rate,
-            self.arms.link_mass,
-            self.link_length,
-            self.gravity,
-            self.stiffness,
-            self.damping,
-            self.drive_torque(time, inputs),
-            torque,
-        )
-        arm.add_coupling_force(q, u, phi, rate, self.base, self.link_length, *self.couplings, force, torque)
+        arm.add_chain_force(phi, rate, self.chains, self.drive_torque(time, inputs), torque)
+        arm.add_coupling_force(q, u, phi, rate, self.chains, self.couplings, force, torque)
 
     def add_command_jump(
         self,
@@ -313,50 +314,53 @@ class ArmsTerm(Term):
         torque[:, :-1] -= jump[:, 1:]
 
     def energy(self, time: float, q: np.ndarray) -> float:
-        phi = self.angles(q)
-        n, length = self.n_links, self.link_length
+        phi, chains, couplings = self.angles(q), self.chains, self.couplings
         bend = np.diff(phi, axis=1, prepend=0.0)
-        total = 0.5 * float(np.sum(self.stiffness * bend**2))
-        reach = self.arms.link_mass * length * (n - np.arange(n) - 0.5)
-        total -= float(np.sum(reach * (self.gravity[0] * np.cos(phi) + self.gravity[2] * np.sin(phi))))
-        arm_of, station, offset, row_y, nodes, weight, rib_weight, stiffness, _ = self.couplings
-        x = q[: self.first].reshape(-1, 3)
-        place, speed, slope = np.empty(2), np.empty(2), np.empty((n, 2))
-        for c in range(len(arm_of)):
-            arm.rib_end(
-                phi[arm_of[c]],
-                np.zeros(n),
-                self.base,
-                length,
-                station[c],
-                rib_weight[station[c]],
-                offset[c],
-                place,
-                speed,
-                slope,
-            )
-            gap = weight[c] @ x[nodes[c]] - np.array([place[0], row_y[c], place[1]])
-            total += 0.5 * stiffness * float(gap @ gap)
+        total = 0.5 * float(np.sum(np.where(self.used, chains.stiffness * bend**2, 0.0)))
+        outer = np.maximum(self.links[:, None] - np.arange(self.n_links) - 0.5, 0.0)
+        lever = chains.mass[:, None] * chains.length * outer
+        total -= float(
+            np.sum(lever * (chains.gravity[:, :1] * np.cos(phi) + chains.gravity[:, 1:] * np.sin(phi)))
+        )
+        x, still = q[: self.first].reshape(-1, 3), np.zeros(self.n_links)
+        place, speed, slope = np.empty(2), np.empty(2), np.empty((self.n_links, 2))
+        for c, arm_index in enumerate(couplings.arm):
+            station, offset = couplings.station[c], couplings.offset[c]
+            arm.rib_end(phi[arm_index], still, chains, arm_index, station, offset, place, speed, slope)
+            held = self._in_base(arm_index, place[0], couplings.lateral[c], place[1])
+            gap = couplings.weight[c] @ x[couplings.nodes[c]] - held
+            total += 0.5 * couplings.stiffness[c] * float(gap @ gap)
         return total
 
+    def _in_base(self, arm_index: int, along: float, across: float, height: float) -> np.ndarray:
+        dx, dy = self.chains.direction[arm_index]
+        return np.array([dx * along - dy * across, dy * along + dx * across, height])
+
     def station_positions(self, q: np.ndarray) -> np.ndarray:
-        """Return where the base and the end of each link are [m], shape (2, n_links + 1, 2), in x and z."""
-        phi = self.angles(q)
-        steps = self.link_length[:, None] * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
-        first = np.tile([0.0, self.base[1]], (2, 1, 1))
-        return np.concatenate([first, self.base + np.cumsum(steps, axis=1)], axis=1)
+        """Return the base and the end of each link in ldcs_base [m], shape (n_arms, n_links + 1, 3).
+
+        They lie in the middle of the rows that an arm covers. The stations of unused links are those of the tip.
+        """
+        phi, chains = self.angles(q), self.chains
+        result = np.empty((self.n_arms, self.n_links + 1, 3))
+        for k in range(self.n_arms):
+            across = float(np.mean(np.unique(self.couplings.lateral[self.couplings.arm == k])))
+            steps = chains.length[k, :, None] * np.stack([np.cos(phi[k]), np.sin(phi[k])], axis=-1)
+            places = chains.base[k] + np.cumsum(steps, axis=0)
+            first = (chains.start[k], chains.base[k, 1])
+            for station, (along, height) in enumerate([first, *places]):
+                result[k, station] = self._in_base(k, along, across, height)
+        return result
 
     def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
-        n = self.n_links
-        arm_of, _, _, _, nodes, *_ = self.couplings
-        angle = self.first + np.arange(2 * n).reshape(2, n)
+        arm_of, node = self.couplings.arm, 3 * self.couplings.nodes  # (n_couplings, n_corners)
+        angle = self.first + np.arange(self.n_arms * self.n_links).reshape(self.n_arms, self.n_links)
         chain = np.broadcast_arrays(angle[:, :, None], angle[:, None, :])
-        node = 3 * nodes  # (n_couplings, 2)
         both = np.broadcast_arrays(
             node[:, :, None, None] + np.arange(3), node[:, None, :, None] + np.arange(3)
         )
         mixed = np.broadcast_arrays(
-            node[:, :, None, None] + np.array([0, 2])[:, None], angle[arm_of][:, None, None, :]
+            node[:, :, None, None] + self._axes[:, None], angle[arm_of][:, None, None, :]
         )
         coupled = np.broadcast_arrays(angle[arm_of][:, :, None], angle[arm_of][:, None, :])
         pairs = [chain, both, mixed, mixed[::-1], coupled]
@@ -367,26 +371,133 @@ class ArmsTerm(Term):
     def jacobian(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        n, count = self.n_links, len(self.couplings[0])
+        n, (count, corners) = self.n_links, self.couplings.nodes.shape
         phi, rate = self.angles(q), self.angles(u)
-        chain, chain_rate = np.zeros((2, n, n)), np.zeros((2, n, n))
-        arm.fill_chain_jacobian(
-            phi,
-            rate,
-            self.arms.link_mass,
-            self.link_length,
-            self.gravity,
-            self.stiffness,
-            self.damping,
-            positive_definite,
-            chain,
-            chain_rate,
-        )
-        shapes = [(count, 2, 2, 3), (count, 2, 2, n), (count, 2, 2, n), (count, n, n)]
+        chain, chain_rate = np.zeros((self.n_arms, n, n)), np.zeros((self.n_arms, n, n))
+        arm.fill_chain_jacobian(phi, rate, self.chains, positive_definite, chain, chain_rate)
+        mixed = (count, corners, len(self._axes), n)
+        shapes = [(count, corners, corners, 3), mixed, mixed, (count, n, n)]
         blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
         arm.fill_coupling_jacobian(
-            q, u, phi, rate, self.base, self.link_length, *self.couplings, positive_definite, *blocks, *rates
+            q, u, phi, rate, self.chains, self.couplings, self._axes, positive_definite, *blocks, *rates
         )
         by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
         by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])
         return by_position, by_rate
+
+
+def _check_shape(placed: PlacedArm, own: Arms, lattice: Lattice, *, listed: bool) -> None:
+    # Which arm it is matters only where there is a list.
+    which = f"arm {placed.name!r}: " if listed else ""
+    for key, (x, y) in (("from", placed.start), ("to", placed.end)):
+        if not lattice.covers(x, y):
+            raise ValueError(f"{which}{key}: {lattice.outside(x, y)}")
+    if placed.length <= 0.0:
+        raise ValueError(f"{which}from and to: got the same place, expected a line on the sheet")
+    link, thickness = placed.length / own.links, lattice.size[2]
+    if own.rigid_base >= link:
+        raise ValueError(
+            f"{which}rigid_base: got {own.rigid_base:g} m, expected less than a link, {link:g} m"
+        )
+    if abs(own.backbone_height) > 0.5 * thickness:
+        raise ValueError(
+            f"{which}backbone_height: got {own.backbone_height:g} m, expected a height inside the sheet, "
+            f"{-0.5 * thickness:g} ... {0.5 * thickness:g} m"
+        )
+    cells, rows = max(lattice.nodes) - 1, lattice.nodes[1]
+    most = cells if listed else rows - 1
+    if own.width > most:
+        raise ValueError(f"{which}width: got {own.width}, expected 0 ... {most}, the sheet has {rows} rows")
+
+
+def _chains(placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], gravity: np.ndarray) -> ArmChains:
+    most = max(own.links for own in each)
+    shape = (len(each), most)
+    length, stiffness, damping = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    direction, start, base = np.zeros((len(each), 2)), np.zeros(len(each)), np.zeros((len(each), 2))
+    rib_weight = np.zeros((len(each), most + 1, most))
+    for k, (one, own) in enumerate(zip(placed, each, strict=True)):
+        n = own.links
+        length[k, :n] = one.length / n
+        length[k, 0] -= own.rigid_base
+        fraction = np.ones(n)
+        fraction[0] = own.base_joint_share
+        stiffness[k, :n], damping[k, :n] = own.joint_stiffness / fraction, own.joint_damping / fraction
+        direction[k] = _direction(one)
+        start[k] = float(direction[k] @ np.array(one.start))
+        base[k] = start[k] + own.rigid_base, own.backbone_height
+        rib_weight[k, : n + 1, :n] = _rib_weights(own)
+    in_plane = np.stack([direction @ gravity[:2], np.full(len(each), gravity[2])], axis=1)
+    return ArmChains(
+        np.array([own.links for own in each]),
+        np.array([own.link_mass for own in each]),
+        np.array([own.link_inertia for own in each]),
+        length,
+        stiffness,
+        damping,
+        in_plane,
+        direction,
+        start,
+        base,
+        rib_weight,
+    )
+
+
+def _direction(placed: PlacedArm) -> np.ndarray:
+    return np.array([placed.end[0] - placed.start[0], placed.end[1] - placed.start[1]]) / placed.length
+
+
+def _rib_weights(own: Arms) -> np.ndarray:
+    links = own.links
+    rib_weight = np.zeros((links + 1, links))
+    for s in range(1, links + 1):
+        rib_weight[s, s - 1] = 1.0
+        if own.crosspiece == "bisector" and links > 1:
+            before, after = (s - 1, s) if s < links else (s - 2, s - 1)
+            rib_weight[s] = 0.0
+            rib_weight[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
+    return rib_weight
+
+
+def _couplings(placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], lattice: Lattice) -> Couplings:
+    # One coupling for each arm, joint station, row under the arm, and layer.
+    arm_of, station, offset, lateral, nodes, weight = [], [], [], [], [], []
+    for k, (one, own) in enumerate(zip(placed, each, strict=True)):
+        dx, dy = _direction(one)
+        cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
+        rows = [0, *(side * row for row in range(1, own.width + 1) for side in (-1, 1))]
+        for s in range(own.links + 1):
+            x = one.start[0] + (one.end[0] - one.start[0]) * s / own.links
+            y = one.start[1] + (one.end[1] - one.start[1]) * s / own.links
+            for row in rows:
+                at = x - dy * row * cell, y + dx * row * cell
+                if not lattice.covers(*at):
+                    continue
+                for layer in range(2):
+                    corners, weights = lattice.bilinear(layer, *at)
+                    place = weights @ lattice.reference_position[corners]
+                    arm_of.append(k)
+                    station.append(s)
+                    offset.append(place[2] - own.backbone_height)
+                    lateral.append(dx * place[1] - dy * place[0])
+                    nodes.append(corners)
+                    weight.append(weights)
+    arm_index = np.array(arm_of)
+    kept = _corners_in_use(np.array(weight))
+    return Couplings(
+        arm_index,
+        np.array(station),
+        np.array(offset),
+        np.array(lateral),
+        np.array([own.coupling_stiffness for own in each])[arm_index],
+        np.array([own.coupling_damping for own in each])[arm_index],
+        np.array(nodes)[:, kept],
+        np.array(weight)[:, kept],
+    )
+
+
+def _corners_in_use(weight: np.ndarray) -> list[int]:
+    # Where all points lie on lines of nodes, two corners of each cell hold them.
+    if not weight[:, 2:].any():
+        return [0, 1]
+    return [0, 2] if not weight[:, [1, 3]].any() else [0, 1, 2, 3]

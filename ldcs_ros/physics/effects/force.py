@@ -14,10 +14,10 @@ from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Force(Effect):
-    """A constant force on a point, in equal parts on the nodes that the point averages.
+    """A constant force on a point, on the nodes that the point averages by their weights.
 
     Attributes:
-        at: Its point of action: a point of the scene, or [layer, i, j].
+        at: Its point of action: a point of the scene, [layer, i, j], or {x, y, layer} in metres.
         value: Force in ldcs_base [N].
     """
 
@@ -29,8 +29,8 @@ class Force(Effect):
 
     def bind(self, assembly: Assembly) -> Term:
         """Return the term of the force."""
-        nodes = assembly.point(self.at).nodes
-        return ForceTerm(coordinates(nodes).ravel(), np.tile(np.array(self.value) / len(nodes), len(nodes)))
+        point = assembly.point(self.at)
+        return ForceTerm(coordinates(point.nodes).ravel(), np.outer(point.fraction, self.value).ravel())
 
 
 class ForceTerm(Term):

@@ -13,10 +13,10 @@ from ldcs_ros.schema.fields import REQUIRED, Location, location, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Payload(Effect):
-    """A point mass, in equal parts on the nodes that its point averages; gravity acts on it as on the nodes.
+    """A point mass, on the nodes that its point averages by their weights; gravity acts on it as on the nodes.
 
     Attributes:
-        at: Its place: a point of the scene, or [layer, i, j].
+        at: Its place: a point of the scene, [layer, i, j], or {x, y, layer} in metres.
         mass: Its mass [kg].
     """
 
@@ -30,14 +30,14 @@ class Payload(Effect):
 
 
 class PayloadTerm(Term):
-    """m_i += mass / n at the n nodes of the point."""
+    """m_i += mass times the weight of node i in the point."""
 
     name = Payload.name
 
     def __init__(self, assembly: Assembly, payload: Payload) -> None:
-        nodes = assembly.point(payload.at).nodes
+        point = assembly.point(payload.at)
         self.mass = np.zeros(assembly.lattice.n_nodes)
-        self.mass[nodes] = payload.mass / len(nodes)
+        self.mass[point.nodes] = payload.mass * point.fraction
 
     def added_mass(self) -> np.ndarray:
         return self.mass

@@ -56,16 +56,24 @@ class Springs(Effect):
             raise ValueError(f"springs: a material goes with law: axial, got {self.law!r}; drop one of them")
         if self.law == "axial":
             if material is None:
-                return self._relaxing(AxialTerm(lattice, self.stiffness, self.damping))
+                return self._relaxing(AxialTerm(lattice, *self._of_each(lattice)))
             stiffness, relaxation_time = material.stiffness(lattice), material.relaxation_time
-            term = AxialTerm(lattice, stiffness, relaxation_time * stiffness)
+            damping = relaxation_time * stiffness * lattice.spring_factor("damping")
+            term = AxialTerm(lattice, stiffness * lattice.spring_factor("stiffness"), damping)
             term.relaxation_time = relaxation_time
             return term
         if self.law == "axiswise":
-            return AxiswiseTerm(lattice, self.stiffness, self.damping)
+            return AxiswiseTerm(lattice, *self._of_each(lattice))
         from ldcs_ros.physics.corotational import CorotationalTerm
 
-        return self._relaxing(CorotationalTerm(lattice, self.stiffness, self.damping))
+        return self._relaxing(CorotationalTerm(lattice, *self._of_each(lattice)))
+
+    def _of_each(self, lattice: Lattice) -> tuple[np.ndarray, np.ndarray]:
+        """Return stiffness [N/m] and damping [N s/m] of each spring, shape (n_springs,) each."""
+        return (
+            self.stiffness * lattice.spring_factor("stiffness"),
+            self.damping * lattice.spring_factor("damping"),
+        )
 
     def _relaxing(self, term: Term) -> Term:
         term.relaxation_time = self.damping / self.stiffness if self.stiffness > 0.0 else math.inf
@@ -156,7 +164,7 @@ class AxialTerm(SpringTerm):
 class AxiswiseTerm(SpringTerm):
     """f = k (u_b - u_a) + c (v_b - v_a) on a: a graph Laplacian for each axis, linear in the displacements u."""
 
-    def __init__(self, lattice: Lattice, stiffness: float, damping: float) -> None:
+    def __init__(self, lattice: Lattice, stiffness: float | np.ndarray, damping: float | np.ndarray) -> None:
         super().__init__(lattice, stiffness, damping)
         from scipy import sparse
 

@@ -75,7 +75,7 @@ class WrenchTerm(Term):
         for name, wrench in inputs.wrenches.items():
             point, _ = self.frame(name)
             push, torque = self.in_base(name, wrench, position)
-            force[coordinates(point.nodes)] += push / len(point.nodes)
+            force[coordinates(point.nodes)] += np.outer(point.fraction, push)
             if torque.any():
                 patch, pushes = point.moment_as_nodal_forces(position, torque)
                 force[coordinates(patch)] += pushes

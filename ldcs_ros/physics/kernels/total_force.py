@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ldcs_ros.physics import arm
+from ldcs_ros.physics.arm import NO_CHAINS, NO_COUPLINGS, ArmChains, Couplings
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled, compiled_fast
 from ldcs_ros.physics.contact import PlaneContact
 from ldcs_ros.physics.effects.arms import ArmsTerm
@@ -52,12 +53,8 @@ class ForceTables(NamedTuple):
         drag: Force of a node by its squared speed [N s^2/m^2], shape (n_nodes,), or (0,) without drag.
         contact_at: Vertical coordinate of each contact, shape (n_contacts,).
         contact: Height [m], stiffness [N/m], damping [s/m], width [m], shape (4, n_contacts).
-        joint: Link length [m], joint stiffness [N m/rad], joint damping [N m s/rad], shape (3, n_links).
-        arm: Link mass [kg], link inertia [kg m^2], coupling stiffness [N/m] and damping [N s/m], base (x, z) [m],
-            gravity [m/s^2], shape (9,).
-        coupling_at: Arm, station and the two nodes of each coupling, shape (4, n_couplings).
-        coupling: Offset from the backbone [m], y of the row [m] and the weights of both nodes, shape (4, n_couplings).
-        rib: Weight of each link's angle in a rib's angle, shape (n_links + 1, n_links).
+        chains: The arms' chains.
+        couplings: The springs between arms and sheet.
     """
 
     family: np.ndarray
@@ -65,11 +62,8 @@ class ForceTables(NamedTuple):
     drag: np.ndarray
     contact_at: np.ndarray
     contact: np.ndarray
-    joint: np.ndarray
-    arm: np.ndarray
-    coupling_at: np.ndarray
-    coupling: np.ndarray
-    rib: np.ndarray
+    chains: ArmChains
+    couplings: Couplings
 
 
 @compiled_fast
@@ -139,34 +133,13 @@ def add_total_force(tables, drive, q, u, scratch, force):  # type: ignore[no-unt
         for e in range(n):
             force[3 * e + axis] = f[axis, e]
     _add_contact(q, u, tables.contact_at, tables.contact, force)
-    links = tables.joint.shape[1]
+    links = tables.chains.length.shape[1]
     if links > 0:
         first = 3 * n
         phi, rate = q[first:].reshape(-1, links), u[first:].reshape(-1, links)
         torque = force[first:].reshape(-1, links)
-        length, values = tables.joint[0], tables.arm
-        arm.add_chain_force(
-            phi, rate, values[0], length, values[6:9], tables.joint[1], tables.joint[2], drive, torque
-        )
-        arm.add_coupling_force(
-            q,
-            u,
-            phi,
-            rate,
-            values[4:6],
-            length,
-            tables.coupling_at[0],
-            tables.coupling_at[1],
-            tables.coupling[0],
-            tables.coupling[1],
-            tables.coupling_at[2:4].T,
-            tables.coupling[2:4].T,
-            tables.rib,
-            values[2],
-            values[3],
-            force,
-            torque,
-        )
+        arm.add_chain_force(phi, rate, tables.chains, drive, torque)
+        arm.add_coupling_force(q, u, phi, rate, tables.chains, tables.couplings, force, torque)
 
 
 class TotalForce:
@@ -185,7 +158,7 @@ class TotalForce:
             if isinstance(term, (GravityTerm, ForceTerm)):
                 term.add_force(0.0, rest, still, NO_INPUTS, self.constant)
         self.scratch = np.zeros((SCRATCH_ROWS, model.lattice.n_nodes))
-        self._no_drive = np.zeros((2, 0))
+        self._no_drive = np.zeros((0, 0))
 
     @staticmethod
     def serves(model: Model) -> bool:
@@ -237,8 +210,7 @@ def _tables(model: Model) -> ForceTables:
     n = model.lattice.n_nodes
     family, spring, drag = np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, n)), np.zeros(0)
     contact_at, contact = [np.zeros(0, dtype=np.int64)], [np.zeros((4, 0))]
-    joint, values, rib = np.zeros((3, 0)), np.zeros(9), np.zeros((1, 0))
-    coupling_at, coupling = np.zeros((4, 0), dtype=np.int64), np.zeros((4, 0))
+    chains, couplings = NO_CHAINS, NO_COUPLINGS
     for term in model.terms:
         if isinstance(term, AxialTerm):
             family, spring = _families(term, n)
@@ -249,25 +221,15 @@ def _tables(model: Model) -> ForceTables:
             row = np.array([term.height, term.stiffness, term.damping, term.contact_width])
             contact.append(np.tile(row[:, None], len(term.vertical)))
         elif isinstance(term, ArmsTerm):
-            arms = term.arms
-            arm_of, station, offset, row_y, nodes, weight, rib, stiffness, damping = term.couplings
-            joint = np.stack([term.link_length, term.stiffness, term.damping])
-            values = np.array(
-                [arms.link_mass, arms.link_inertia, stiffness, damping, *term.base, *term.gravity]
-            )
-            coupling_at = np.stack([arm_of, station, *nodes.T])
-            coupling = np.stack([offset, row_y, *weight.T])
+            chains, couplings = term.chains, term.couplings
     return ForceTables(
         family,
         spring,
         drag,
         np.concatenate(contact_at),
         np.concatenate(contact, axis=1),
-        joint,
-        values,
-        coupling_at,
-        coupling,
-        rib,
+        chains,
+        couplings,
     )
 
 

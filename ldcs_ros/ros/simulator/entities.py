@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy import sparse
 
-from ldcs_ros.messages.display.arm_lines import arm_positions
 from ldcs_ros.physics.effects.arms import ArmsTerm
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.model import Model
-from ldcs_ros.physics.points import Point, point_at, quaternion
+from ldcs_ros.physics.points import Point, Stencil, point_at, quaternion
 from ldcs_ros.simulation.simulation import Simulation
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -64,9 +63,9 @@ class PointAverages:
     """
 
     def __init__(self, points: Sequence[Point], n_nodes: int) -> None:
-        here = [point.nodes for point in points]
-        behind, ahead, right, left = zip(*(point.neighbours for point in points), strict=True)
-        self._place = _mean(here, n_nodes)
+        around = ((point.behind, point.ahead, point.right, point.left) for point in points)
+        behind, ahead, right, left = zip(*around, strict=True)
+        self._place = _mean([point.stencil for point in points], n_nodes)
         self._along_x = _mean(ahead, n_nodes) - _mean(behind, n_nodes)
         self._along_y = _mean(left, n_nodes) - _mean(right, n_nodes)
 
@@ -88,42 +87,47 @@ class PointAverages:
         )
 
 
-def link_kinematics(arms: ArmsTerm, across: Sequence[float], angles: Derivatives) -> Kinematics:
-    """Return how the links of both arms move, left arm first, base to tip; their places are their middles.
+def link_kinematics(arms: ArmsTerm, q: np.ndarray, angles: Derivatives) -> Kinematics:
+    """Return how the links of all arms move, in the order of the scene, base to tip; their places are their middles.
 
     Args:
         arms: The arms' term of the model.
-        across: Where each arm is along y [m].
-        angles: Angles to the x axis in the XZ plane [rad], shape (2, n_links), and their derivatives.
+        q: Coordinates of the model [m, rad].
+        angles: Angles to the arms' lines on the flat sheet [rad], shape (n_arms, n_links), and their derivatives.
     """
     phi, rate, bend = angles
+    dx, dy = (arms.chains.direction[:, axis, None] for axis in (0, 1))
     along, up, zero = np.cos(phi), np.sin(phi), np.zeros_like(phi)
-    axis = np.stack([along, zero, up], axis=-1)
-    normal = np.stack([-up, zero, along], axis=-1)
-    step = arms.link_length[:, None] * axis
-    step1 = (arms.link_length * rate)[..., None] * normal
-    step2 = arms.link_length[:, None] * (bend[..., None] * normal - (rate**2)[..., None] * axis)
-    base = np.array([[arms.base[0], y, arms.base[1]] for y in across])[:, None, :]
-    end, velocity, acceleration = (np.cumsum(one, axis=1) for one in (step, step1, step2))
-    end = end + base
-    side = np.broadcast_to([0.0, 1.0, 0.0], axis.shape)
+    axis = np.stack([dx * along, dy * along, up], axis=-1)
+    normal = np.stack([-dx * up, -dy * up, along], axis=-1)
+    side = np.stack([zero - dy, zero + dx, zero], axis=-1)
+    length = arms.link_length[..., None]
+    step = length * axis
+    step1 = length * rate[..., None] * normal
+    step2 = length * (bend[..., None] * normal - (rate**2)[..., None] * axis)
+    stations = arms.station_positions(q)
+    # A stiff base lies before the first link, so that a link begins where it ends less its length.
+    end = stations[:, 1:]
+    velocity, acceleration = np.cumsum(step1, axis=1), np.cumsum(step2, axis=1)
+    used = arms.used
     return Kinematics(
-        position=(end - 0.5 * step).reshape(-1, 3),
-        axes=np.stack([axis, side, normal], axis=-1).reshape(-1, 3, 3),
-        velocity=(velocity - 0.5 * step1).reshape(-1, 3),
-        # An angle that grows lifts the link: it turns about -y.
-        angular_velocity=(-rate[..., None] * side).reshape(-1, 3),
-        acceleration=(acceleration - 0.5 * step2).reshape(-1, 3),
-        angular_acceleration=(-bend[..., None] * side).reshape(-1, 3),
-        ends=np.stack([end - step, end], axis=2).reshape(-1, 2, 3),
+        position=(end - 0.5 * step)[used],
+        axes=np.stack([axis, side, normal], axis=-1)[used],
+        velocity=(velocity - 0.5 * step1)[used],
+        # An angle that grows lifts the link: it turns about minus the arm's side.
+        angular_velocity=(-rate[..., None] * side)[used],
+        acceleration=(acceleration - 0.5 * step2)[used],
+        angular_acceleration=(-bend[..., None] * side)[used],
+        ends=np.stack([end - step, end], axis=2)[used],
     )
 
 
-def _mean(blocks: Sequence[np.ndarray], n_nodes: int) -> sparse.csr_array:
-    lengths = np.array([len(block) for block in blocks])
-    weights = np.repeat(1.0 / lengths, lengths)
+def _mean(stencils: Sequence[Stencil], n_nodes: int) -> sparse.csr_array:
+    lengths = np.array([len(one.nodes) for one in stencils])
+    weights = np.concatenate([one.weight / one.total for one in stencils])
     starts = np.concatenate([[0], np.cumsum(lengths)])
-    return sparse.csr_array((weights, np.concatenate(blocks), starts), shape=(len(blocks), n_nodes))
+    nodes = np.concatenate([one.nodes for one in stencils])
+    return sparse.csr_array((weights, nodes, starts), shape=(len(stencils), n_nodes))
 
 
 def _cross(a: Derivatives, b: Derivatives) -> Derivatives:
@@ -211,11 +215,14 @@ class Entities:
         links = (
             []
             if arms is None
-            else [(arm, k + 1) for arm in simulation.arm_names for k in range(arms.n_links)]
+            else [
+                (arm, k + 1)
+                for arm, count in zip(simulation.arm_names, arms.links, strict=True)
+                for k in range(count)
+            ]
         )
         self._means = PointAverages([point for *_, point in named], lattice.n_nodes)
         self._arms = arms
-        self._across = [] if arms is None else arm_positions(arms)
         clamped = _clamped(simulation.model)
         found: list[Entity] = []
         for kind, name, point in named:
@@ -247,25 +254,25 @@ class Entities:
         sheet = self._means.kinematics((q, u, a))
         if self._arms is None:
             return sheet
-        phi, rate, bend = (one[n:].reshape(2, -1) for one in flat)
-        return sheet.concatenate(link_kinematics(self._arms, self._across, (phi, rate, bend)))
+        phi, rate, bend = (one[n:].reshape(self._arms.n_arms, -1) for one in flat)
+        return sheet.concatenate(link_kinematics(self._arms, instant.q, (phi, rate, bend)))
 
 
 def _nodes(lattice: Lattice) -> Iterable[tuple[Kind, str, Point]]:
+    missing = set(lattice.missing.tolist())
     for layer in LAYERS:
         for i in range(lattice.nodes[0]):
             for j in range(lattice.nodes[1]):
-                yield Kind.NODE, f"node_{layer}_{i}_{j}", point_at(lattice, [layer, i, j])
+                if lattice.node(layer, i, j) not in missing:
+                    yield Kind.NODE, f"node_{layer}_{i}_{j}", point_at(lattice, [layer, i, j])
 
 
 def _of_sheet(name: str, row: int, kind: Kind, point: Point, still: bool) -> Entity:
     layers = [LAYERS[layer] for layer in point.layers] if len(point.layers) == 1 else ["mid"]
     tags = (kind.value, "sheet", *layers, *(["clamped"] if still else []))
-    columns, rows = (" and ".join(map(str, numbers)) for numbers in (point.columns, point.rows))
-    where = f"column {columns}, row {rows}"
     if kind is Kind.NODE:
-        return Entity(name, row, kind, f"point mass of the {layers[0]} layer, {where}", tags, still)
-    return Entity(name, row, kind, f"point of the sheet, {layers[0]}, {where}", tags, still)
+        return Entity(name, row, kind, f"point mass of the {layers[0]} layer, {point.where}", tags, still)
+    return Entity(name, row, kind, f"point of the sheet, {layers[0]}, {point.where}", tags, still)
 
 
 def _clamped(model: Model) -> set[int]:

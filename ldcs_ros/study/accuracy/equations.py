@@ -46,7 +46,8 @@ class Equations:
         effects: list[Any] = list(scene.effects)
         self.effects: dict[str, Any] = {effect.name: effect for effect in effects}
         self.points = {
-            name: Place(point.layers, point.columns, point.rows) for name, point in scene.points.items()
+            name: Place(point.layers, *self._columns_and_rows(point.nodes))
+            for name, point in scene.points.items()
         }
         self.mass = np.full(self.n, lattice.mass / self.n)
         self.constant = np.zeros((self.n, 3))
@@ -93,6 +94,11 @@ class Equations:
 
     def _nodes(self, at: str | Sequence[str | int]) -> np.ndarray:
         return place_of(at, self.shape, self.points).nodes(self.grid)
+
+    def _columns_and_rows(self, nodes: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        place = self.grid[nodes]
+        columns, rows = (tuple(int(n) for n in np.unique(place[:, axis])) for axis in (1, 2))
+        return columns, rows
 
     def _edge(self, name: str) -> np.ndarray:
         axis = 1 if name.startswith("x") else 2
