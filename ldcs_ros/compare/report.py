@@ -26,7 +26,7 @@ def offset_lines(comparison: Comparison) -> list[str]:
             else f" with a standard deviation of {1e3 * offset.uncertainty:.2g} ms"
         )
         lines.append(
-            f"Motion says that the clock of {b} is {milliseconds(offset.estimate)} ahead{spread}; "
+            f"By the motion the clock of {b} is {milliseconds(offset.estimate)} ahead{spread}; "
             f"{percent(offset.unexplained)} of the motion's variance remain unexplained then "
             f"({len(offset.channels)} channels that move)."
         )
@@ -121,7 +121,7 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
     offset = comparison.offset
     clock = f"{milliseconds(offset.value)} ({offset.reason})"
     if offset.estimate is not None and offset.estimate != offset.value:
-        clock += f"; motion says {milliseconds(offset.estimate)}"
+        clock += f"; by the motion {milliseconds(offset.estimate)}"
     lines = [("clock offset", clock)]
     for name, channel in comparison.channels.items():
         if not name.startswith("joint/"):

@@ -44,7 +44,7 @@ def numbers(message: object, path: str, message_type: str) -> np.ndarray:
     """
     if not path and message_type not in VALUES:
         raise MappingError(
-            f"{message_type} has no usual field for a number; say which with 'field:', it has {_names(message)}"
+            f"{message_type} has no usual field for a number; name one with 'field:', it has {_names(message)}"
         )
     value = at_path(message, path or VALUES[message_type])
     try:
@@ -67,7 +67,7 @@ def position(message: object, path: str, message_type: str) -> np.ndarray:
     """
     if not path and message_type not in POSITIONS:
         raise MappingError(
-            f"{message_type} has no usual field for a position; say which with 'field:', it has {_names(message)}"
+            f"{message_type} has no usual field for a position; name one with 'field:', it has {_names(message)}"
         )
     value = at_path(message, path or POSITIONS[message_type])
     if hasattr(value, "x"):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,12 +17,12 @@ PACKAGE = ROOT / "ldcs_ros"
 ORDER = (
     "errors",
     "schema",
+    "sensors",
+    "bags",
     "physics",
     "integrators",
     "simulation",
-    "sensors",
     "scene",
-    "bags",
     "messages",
     "twin",
     "signals",
@@ -40,6 +42,7 @@ ORDER = (
 )
 # The package's own file offers Scene and Simulation, and loads them at their first use.
 FACADE = "ldcs_ros"
+OF_ROS = {"rclpy", "launch", "ldcs_msgs", "sensor_msgs", "geometry_msgs", "std_msgs", "std_srvs"}
 
 
 def modules() -> dict[str, ast.Module]:
@@ -103,13 +106,19 @@ def test_no_import_circle_exists_even_with_lazy_imports():
             visit(name, [name])
 
 
-def test_only_the_room_of_ros_imports_rclpy():
+def test_only_the_room_of_ros_imports_packages_of_ros():
     importers = {
         room(name)
         for name, tree in MODULES.items()
         for node in ast.walk(tree)
-        if (isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "rclpy")
-        or (isinstance(node, ast.Import) and any(alias.name.split(".")[0] == "rclpy" for alias in node.names))
+        for module in (
+            [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else []
+        )
+        if module.split(".")[0] in OF_ROS
     }
     assert importers <= {"ros", "launch"}
 
@@ -130,3 +139,11 @@ def test_no_module_imports_a_private_name_of_another_module():
 def test_the_core_reads_no_file_and_knows_no_messages(lower):
     heard = {other for name, tree in MODULES.items() if room(name) == lower for other in imported(tree)}
     assert {room(other) for other in heard} <= set(ORDER[: ORDER.index(lower) + 1])
+
+
+def test_the_core_loads_neither_ros_nor_bag_nor_plot_libraries():
+    program = "import sys, ldcs_ros; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=50
+    )
+    assert not set(done.stdout.split()) & {"rclpy", "rosbags", "mcap", "mcap_ros2", "matplotlib", "PIL"}
