@@ -28,7 +28,7 @@ class BasisProcess:
     """
 
     def __init__(self, scene: Scene, point: str, count: int) -> None:
-        self._answer = tempfile.TemporaryFile()
+        self._answer = tempfile.TemporaryFile()  # noqa: SIM115  # open until `close`
         with tempfile.TemporaryFile() as question:
             pickle.dump((scene, point, count), question)
             question.seek(0)

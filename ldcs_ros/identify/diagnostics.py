@@ -105,7 +105,7 @@ def estimates(
 
 def covariance(minimum: Minimum) -> np.ndarray:
     """Return the covariance of the normalised values, shape (n, n); an undetermined direction is wide, not infinite."""
-    u, strength, rows = np.linalg.svd(minimum.jacobian, full_matrices=False)
+    _u, strength, rows = np.linalg.svd(minimum.jacobian, full_matrices=False)
     strength = np.maximum(strength, 1e-6)
     matrix: np.ndarray = (rows.T / strength**2) @ rows
     return matrix

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ def on_recorders_clock(stamps: np.ndarray, logs: np.ndarray, copies: np.ndarray)
     # A stamp from the future is wrong by itself; one from the past may be a message that came late.
     usable &= ~((stamps > 0) & (stamps - logs > typical + ANOTHER_CLOCK))
     time = np.where(usable, stamps - level, logs + typical - level)
-    steps = tuple(int(after - before) for before, after in zip(levels, levels[1:], strict=False))
+    steps = tuple(int(after - before) for before, after in itertools.pairwise(levels))
     return StampedTimes(time, usable, levels[0] or None, steps)
 
 
@@ -86,7 +87,7 @@ def _clock_changes(ahead: np.ndarray) -> list[tuple[int, int]]:
     """Return the ranges between which the stamps' clock was set."""
     cuts = [0, *(np.flatnonzero(np.abs(np.diff(ahead)) > ANOTHER_CLOCK) + 1), len(ahead)]
     ranges: list[tuple[int, int]] = []
-    for first, end in zip(cuts, cuts[1:], strict=False):
+    for first, end in itertools.pairwise(cuts):
         part = ahead[first:end]
         # Messages that were held up and come at once catch up with the clock: no level.
         steady = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -254,7 +255,7 @@ def convergence_orders(rows: Sequence[Row]) -> dict[str, list[tuple[float, float
     found: dict[str, list[tuple[float, float, float]]] = {}
     for method, points in made.items():
         points.sort(reverse=True)
-        for (long, large), (short, small) in zip(points, points[1:], strict=False):
+        for (long, large), (short, small) in itertools.pairwise(points):
             order = math.log(large / small) / math.log(long / short)
             found.setdefault(method, []).append((long, short, order))
     return found

@@ -98,7 +98,7 @@ def test_a_file_size_limit_of_the_system_is_a_clear_error_too(tmp_path):
 
 
 def test_a_disk_that_is_full_from_the_start_leaves_no_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("ldcs_ros.bags.bag_file.open_new", lambda path: open("/dev/full", "wb"))
+    monkeypatch.setattr("ldcs_ros.bags.bag_file.open_new", lambda path: open("/dev/full", "wb"))  # noqa: SIM115
     with pytest.raises(RecordingError, match="cannot be written: No space left on device"):
         BagWriter(tmp_path / "bag", topics={})
     assert not (tmp_path / "bag").exists()

@@ -76,7 +76,7 @@ def test_a_killed_recorder_loses_at_most_one_second(tmp_path):
     lines += child.stdout.read().splitlines()
     child.wait(10)
     written = [int(line) for line in lines if line.strip()]
-    with pytest.raises(RecordingError, match="was not closed.*ldcs recover"):
+    with pytest.raises(RecordingError, match=r"was not closed.*ldcs recover"):
         read_bag(folder)
     report = recover(folder)
     recording = read_bag(folder)
@@ -223,8 +223,8 @@ def test_no_room_for_the_mended_file_leaves_the_old_one_as_it_was(tmp_path, monk
     file = make_bag(tmp_path / "bag")
     file.write_bytes(file.read_bytes()[:-1])
     before = file.read_bytes()
-    monkeypatch.setattr("ldcs_ros.bags.bag_file.open_new", lambda path: open("/dev/full", "wb"))
-    with pytest.raises(RecordingError, match="No space left.*it is unchanged"):
+    monkeypatch.setattr("ldcs_ros.bags.bag_file.open_new", lambda path: open("/dev/full", "wb"))  # noqa: SIM115
+    with pytest.raises(RecordingError, match=r"No space left.*it is unchanged"):
         recover(tmp_path / "bag")
     assert file.read_bytes() == before
     assert sorted(path.name for path in file.parent.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

@@ -142,7 +142,7 @@ def test_types_that_ros_does_not_have_come_from_their_definition(tmp_path):
 
 def test_a_type_may_be_registered_while_recording(tmp_path):
     with BagWriter(tmp_path / "bag", topics={}) as writer:
-        with pytest.raises(RecordingError, match="register the .msg text"):
+        with pytest.raises(RecordingError, match=r"register the .msg text"):
             writer.write("/part", "ldcs_test_msgs/msg/Part", b"\0\1\0\0", 0)
         writer.register({"ldcs_test_msgs/msg/Part": "uint8 x\n"})
         writer.write("/part", "ldcs_test_msgs/msg/Part", b"\0\1\0\0\7", 0)

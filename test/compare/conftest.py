@@ -12,14 +12,14 @@ from scipy.interpolate import CubicSpline
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
 
-import rig_bag  # noqa: E402
-from moving_sheet import SCENE  # noqa: E402
+import rig_bag
+from moving_sheet import SCENE
 
-from ldcs_ros import load_scene  # noqa: E402
-from ldcs_ros.messages.messages import pressure_command  # noqa: E402
-from ldcs_ros.twin.recorder import Recorder  # noqa: E402
+from ldcs_ros import load_scene
+from ldcs_ros.messages.messages import pressure_command
+from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
-from ldcs_ros.twin.twin import Twin  # noqa: E402
+from ldcs_ros.twin.twin import Twin
 
 
 def record(folder, *, seed=None, **changes):

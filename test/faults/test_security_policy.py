@@ -160,7 +160,7 @@ def test_security_that_would_not_be_there_is_told_or_refused():
     assert "names no keystore" in check_security(on)
     assert "is not Enforce" in check_security({**on, "ROS_SECURITY_KEYSTORE": "/keys"})
     assert check_security({**enforced, "ROS_SECURITY_KEYSTORE": "/keys"}) == ""
-    with pytest.raises(LdcsError, match="names no keystore.*docs/security.md"):
+    with pytest.raises(LdcsError, match=r"names no keystore.*docs/security.md"):
         check_security(enforced)
 
 

@@ -61,7 +61,7 @@ def test_the_exponential_method_agrees_with_the_default_one_on_a_driven_sheet():
 @pytest.mark.parametrize("scene", ["arc", "paper"])
 def test_the_exponential_method_refuses_scenes_that_are_not_linear(scene):
     content = load_scene(scene).content
-    with pytest.raises(SolverError, match="'springs' with law 'axial' is not linear.*integrator: auto"):
+    with pytest.raises(SolverError, match=r"'springs' with law 'axial' is not linear.*integrator: auto"):
         load_scene({**content, "solver": {"integrator": "exponential"}}).build()
     content["effects"][0]["law"] = "axiswise"
     content["effects"].append({"type": "drag"})

@@ -16,10 +16,10 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 sys.path.insert(0, str(Path(__file__).parent))
 
-import stand_in  # noqa: E402
+import stand_in
 
-from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS  # noqa: E402
-from ldcs_ros.ros.sim.parameters import PARAMETERS  # noqa: E402
+from ldcs_ros.ros.rig.rig_parameters import BRIDGE_PARAMETERS, MOCK_RIG_PARAMETERS
+from ldcs_ros.ros.sim.parameters import PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "ldcs_ros/launch"
@@ -111,7 +111,7 @@ def test_only_what_was_given_reaches_the_node_and_before_its_file(launch, tmp_pa
 
 def test_a_parameter_file_that_is_missing_ends_the_launch(launch):
     for name in ("sim.launch.py", "record.launch.py", "rig.launch.py"):
-        with pytest.raises((FileNotFoundError, RuntimeError), match="absent.yaml"):
+        with pytest.raises((FileNotFoundError, RuntimeError), match=r"absent.yaml"):
             launch(name, params_file="absent.yaml", rig="valve_island")
 
 

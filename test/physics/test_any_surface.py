@@ -131,7 +131,7 @@ def test_each_arm_has_its_own_numbers_and_links():
         "a_joint_3",
         *(f"b_joint_{k}" for k in range(1, 5)),
     )
-    with pytest.raises(Exception, match="expected 0 ... a 100000, b 200000 Pa"):
+    with pytest.raises(Exception, match=r"expected 0 ... a 100000, b 200000 Pa"):
         simulation.inputs.set_pressure([1.1e5, 1.1e5])
     simulation.inputs.set_pressure([0.5e5, 1.5e5])
     simulation.advance_to(0.05)

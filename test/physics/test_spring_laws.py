@@ -54,7 +54,7 @@ def test_only_the_corotational_law_resists_pure_shear_between_layers_at_first_or
     stiff = {}
     for law in ("axial", "corotational"):
         model = make_model(f"springs {law}")
-        q, u = model.reference_state()
+        q, _u = model.reference_state()
         bent = q.reshape(-1, 3).copy()
         bent[:, 2] += 0.5 * 2.0 * bent[:, 0] ** 2  # curvature 2 1/m
         stiff[law] = model.potential_energy(0.0, bent.ravel())

@@ -92,7 +92,7 @@ def test_the_default_times_follow_the_motion(recording):
 
 
 def test_a_time_outside_of_the_recording_is_refused_before_anything_is_written(recording, tmp_path):
-    with pytest.raises(RecordingError, match="outside of the recorded surface, 0 ... 0.4 s"):
+    with pytest.raises(RecordingError, match=r"outside of the recorded surface, 0 ... 0.4 s"):
         draw(recording, tmp_path / "pictures", times=[0.1, 9.0])
     assert not (tmp_path / "pictures").exists()
 

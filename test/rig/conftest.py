@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from rig_bench import HandClock  # noqa: E402
+from rig_bench import HandClock
 
 
 @pytest.fixture

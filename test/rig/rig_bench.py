@@ -174,7 +174,7 @@ class Bench:
 
     def check_limits(self):
         """Neither set-points nor chambers ever left their limits."""
-        assert 0.0 <= self.rig.lowest_setpoint
+        assert self.rig.lowest_setpoint >= 0.0
         assert self.rig.highest_setpoint <= LIMIT
         assert self.rig.peak <= LIMIT * (1.0 + 1e-9)
         assert np.isfinite(self.rig.pressure).all()

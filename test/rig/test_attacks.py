@@ -11,9 +11,9 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "attack"))
 
-from attack_run import Run  # noqa: E402
-from events import events  # noqa: E402
-from random_answers import random_lines, random_modbus  # noqa: E402
+from attack_run import Run
+from events import events
+from random_answers import random_lines, random_modbus
 
 SELECTION = [event for event in events() if event.quick]
 

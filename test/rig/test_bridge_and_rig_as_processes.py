@@ -17,7 +17,7 @@ from ldcs_ros.rig.limits import Limits
 pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 sys.path.insert(0, str(Path(__file__).parents[1] / "ros"))
 
-from processes import Pair  # noqa: E402
+from processes import Pair
 
 LIMITS = Limits()
 
@@ -82,7 +82,7 @@ def break_and_watch(run, fault, value, entry, words):
     assert time.monotonic() - began < LIMITS.command_timeout + LIMITS.vent_time + 0.3
     run.user.until(lambda: has_come(run, entry, words) and has_come(run, "gate", "vented"), 3.0)
     _, _, peak, lowest, highest = run.chambers()
-    assert peak <= LIMIT and 0.0 <= lowest and highest <= LIMIT
+    assert peak <= LIMIT and lowest >= 0.0 and highest <= LIMIT
     run.operator = None
 
 

@@ -221,7 +221,7 @@ def test_a_vent_is_latched_ramped_and_mended_only_by_arming(clock):
         course.append(gate.tick()[0])
     assert course == sorted(course, reverse=True) and course[-1] == 0.0
     assert max(np.abs(np.diff(course))) <= LIMITS.vent_rate * 0.0101
-    with pytest.raises(BridgeError, match="vented .*no command for 0.4 s.*call arm"):
+    with pytest.raises(BridgeError, match=r"vented .*no command for 0.4 s.*call arm"):
         gate.command([1e4])
     gate.arm()
     gate.command([1e4])

@@ -10,9 +10,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "attack"))
 
-from island import Island  # noqa: E402
+from island import Island
 
-from ldcs_ros.rig.limits import Limits  # noqa: E402
+from ldcs_ros.rig.limits import Limits
 
 PROMISE = Limits().command_timeout + Limits().vent_time
 BRIDGE = """

@@ -103,7 +103,7 @@ def test_the_vent_time_holds_ramp_valve_and_two_exchanges():
 
 
 def test_shorter_timeouts_ask_for_a_faster_exchange():
-    with pytest.raises(BridgeError, match="20 ... 1000 Hz"):
+    with pytest.raises(BridgeError, match=r"20 ... 1000 Hz"):
         rig({**MODBUS, "rate": 15.0, "timeout": 0.1}, command_timeout=0.2)
     assert rig({**MODBUS, "rate": 20.0, "timeout": 0.1}, command_timeout=0.2).links
 

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed")
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "twin"))
 
-from live import LiveNode, PlainUser, own_domain  # noqa: E402
+from live import LiveNode, PlainUser, own_domain
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
 
-from simulation_interfaces.srv import LoadWorld  # noqa: E402
+from simulation_interfaces.srv import LoadWorld
 
-from ldcs_ros import load_scene  # noqa: E402
-from ldcs_ros.ros.sim.graph_files import GraphFiles  # noqa: E402
-from ldcs_ros.ros.simulator.answers import ResultError  # noqa: E402
-from ldcs_ros.ros.simulator.worlds import Worlds  # noqa: E402
+from ldcs_ros import load_scene
+from ldcs_ros.ros.sim.graph_files import GraphFiles
+from ldcs_ros.ros.simulator.answers import ResultError
+from ldcs_ros.ros.simulator.worlds import Worlds
 
 
 class Loader:

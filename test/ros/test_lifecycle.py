@@ -44,7 +44,7 @@ def test_a_cleaned_up_node_left_a_whole_bag_and_takes_another_scene(start, tmp_p
 
 
 def test_an_inactive_node_stands_still_and_refuses_commands_and_goes_on_where_it_stood(start):
-    node, user = start(scene="rig")
+    _node, user = start(scene="rig")
     user.listen(NODES, "sensor_msgs/PointCloud2")
     user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     sender = user.publisher("/ldcs/pressure_command", Float64MultiArray)

@@ -100,7 +100,7 @@ def test_a_node_whose_bag_is_removed_tells_it_saves_the_rest_and_ends_with_statu
 
 
 def test_a_silent_sender_is_vented_and_must_rearm(start):
-    node, user = start(scene="rig", command_timeout=0.3)
+    _node, user = start(scene="rig", command_timeout=0.3)
     user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     user.listen("/ldcs/left/pressure", "sensor_msgs/FluidPressure")
     sender = user.publisher("/ldcs/pressure_command", Float64MultiArray)
@@ -186,7 +186,7 @@ def test_a_word_that_ros_would_drop_is_refused_with_the_right_form(program, word
 def test_dumped_parameters_load_again_one_by_one(start):
     from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 
-    node, user = start(
+    _node, user = start(
         scene="single_spring", **{"qos_overrides./ldcs/nodes.publisher.reliability": "best_effort"}
     )
     base = "/ldcs/ldcs_sim"

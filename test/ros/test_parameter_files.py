@@ -92,7 +92,7 @@ def test_an_example_names_each_parameter_with_a_value_of_its_type(node):
 
 
 def test_the_node_takes_its_example_and_complains_of_nothing(example):
-    node, said, _ = example
+    _node, said, _ = example
     assert not [word for word in ("WARN", "ERROR", "ignored", "refused", "expected") if word in said], said
 
 

@@ -10,15 +10,15 @@ import pytest
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
 
-from fake_scene import RailScene  # noqa: E402
-from simulation_interfaces.msg import SimulationState  # noqa: E402
-from simulation_interfaces.srv import GetSimulationState, ResetSimulation, SetSimulationState  # noqa: E402
+from fake_scene import RailScene
+from simulation_interfaces.msg import SimulationState
+from simulation_interfaces.srv import GetSimulationState, ResetSimulation, SetSimulationState
 
-from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer  # noqa: E402
-from ldcs_ros.ros.sim.runner import Runner  # noqa: E402
-from ldcs_ros.ros.simulator.answers import ResultError  # noqa: E402
-from ldcs_ros.ros.simulator.control import Control  # noqa: E402
-from ldcs_ros.twin.twin import Twin  # noqa: E402
+from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
+from ldcs_ros.ros.sim.runner import Runner
+from ldcs_ros.ros.simulator.answers import ResultError
+from ldcs_ros.ros.simulator.control import Control
+from ldcs_ros.twin.twin import Twin
 
 
 @pytest.fixture

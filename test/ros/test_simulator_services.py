@@ -10,15 +10,15 @@ import pytest
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
 
-from action_msgs.msg import GoalStatus  # noqa: E402
-from geometry_msgs.msg import Vector3  # noqa: E402
-from lifecycle_msgs.msg import Transition  # noqa: E402
-from live import LiveNode, PlainUser, own_domain, stamp  # noqa: E402
-from rclpy.action import ActionClient  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
-from simulation_interfaces import srv  # noqa: E402
-from simulation_interfaces.action import SimulateSteps  # noqa: E402
-from simulation_interfaces.msg import (  # noqa: E402
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Vector3
+from lifecycle_msgs.msg import Transition
+from live import LiveNode, PlainUser, own_domain, stamp
+from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
+from simulation_interfaces import srv
+from simulation_interfaces.action import SimulateSteps
+from simulation_interfaces.msg import (
     Bounds,
     EntityCategory,
     EntityFilters,
@@ -29,7 +29,7 @@ from simulation_interfaces.msg import (  # noqa: E402
     TagsFilter,
 )
 
-from ldcs_ros.ros.simulator.answers import usual_name  # noqa: E402
+from ldcs_ros.ros.simulator.answers import usual_name
 
 PERIOD_NS = 20_000_000
 NODES = "/ldcs/nodes"

@@ -14,8 +14,7 @@ from ldcs_ros.scene.mesh_change import carry_places
 
 def reference_position(scene, place):
     """Position of a point or node at rest [m], shape (3,)."""
-    point = scene.points[place] if place in scene.points else None
-    return point.position(scene.lattice.reference_position)
+    return scene.points[place].position(scene.lattice.reference_position)
 
 
 @pytest.mark.parametrize("nodes", ["[17,17]", "[5,5]", "[9,17]"])
@@ -68,7 +67,7 @@ def test_an_edited_scene_keeps_its_places_and_says_so():
     with pytest.warns(UserWarning, match="points.P1"):
         fine = load_scene("paper").edited({"lattice.nodes": [17, 17]})
     assert fine.points["P1"].where.startswith("column 16,")
-    with pytest.raises(SceneError, match="points.P0"):
+    with pytest.raises(SceneError, match=r"points.P0"):
         load_scene("paper").edited({"lattice.nodes": [6, 6]})
 
 

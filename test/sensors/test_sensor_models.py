@@ -100,7 +100,7 @@ def test_a_sensor_that_cannot_be_is_refused_by_name(changes, named):
 
 
 def test_a_pressure_sensor_that_cannot_be_is_refused_by_name():
-    with pytest.raises(SceneError, match="sensors.pressure.rate"):
+    with pytest.raises(SceneError, match=r"sensors.pressure.rate"):
         PressureSensorParameters(rate=-1.0)
 
 

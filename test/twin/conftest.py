@@ -9,10 +9,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from fake_scene import Collector, RailScene  # noqa: E402
+from fake_scene import Collector, RailScene
 
 from ldcs_ros.twin.settings import RunSettings
-from ldcs_ros.twin.twin import Twin  # noqa: E402
+from ldcs_ros.twin.twin import Twin
 
 
 @pytest.fixture

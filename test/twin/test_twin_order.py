@@ -49,7 +49,7 @@ def test_a_late_delivery_does_not_stop_the_simulation_on_its_way(run):
 def test_the_tracker_pose_is_stamped_when_measured_and_delivered_later(run):
     twin, collected = run(RailScene(sensors=TRACKER))
     twin.advance_to(0.1)
-    topic, message_type, cdr, delivered = collected.on("P1/pose")[2]
+    _topic, message_type, cdr, delivered = collected.on("P1/pose")[2]
     stamp = decode(message_type, cdr).header.stamp
     assert (stamp.sec, stamp.nanosec) == (0, 25_000_000)
     assert delivered == 45_000_000

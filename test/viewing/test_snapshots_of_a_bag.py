@@ -15,7 +15,7 @@ from ldcs_ros.viewing.marker_bag import write_marker_bag
 
 
 def test_each_recorded_surface_comes_with_the_arms_of_its_time(lift, recording):
-    folder, states = lift
+    _folder, states = lift
     found = list(snapshots(recording, recorded_scene(recording)))
     assert len(found) == len(states)
     for snapshot in found:

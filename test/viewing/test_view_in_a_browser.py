@@ -163,7 +163,7 @@ def test_a_connection_that_says_nothing_is_closed(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_view_with_all_that_it_started(shown, number):
-    url, process = shown
+    _url, process = shown
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     assert children
     os.kill(process.pid, number)
@@ -172,7 +172,7 @@ def test_a_signal_ends_the_view_with_all_that_it_started(shown, number):
 
 
 def test_a_killed_view_leaves_no_viewer_behind(shown):
-    url, process = shown
+    _url, process = shown
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     os.kill(process.pid, signal.SIGKILL)
     process.wait(10.0)

@@ -17,15 +17,15 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from island import Island  # noqa: E402
-from serial_device import SerialDevice, line  # noqa: E402
+from island import Island
+from serial_device import SerialDevice, line
 
-from ldcs_ros.rig.limits import Limits  # noqa: E402
-from ldcs_ros.rig.output.device import Device  # noqa: E402
-from ldcs_ros.rig.output.modbus import ModbusDevice, ModbusMap  # noqa: E402
-from ldcs_ros.rig.output.serial_line import SerialDevice as SerialClient  # noqa: E402
-from ldcs_ros.rig.output.serial_line import SerialSettings  # noqa: E402
-from ldcs_ros.rig.output.stage import OutputStage  # noqa: E402
+from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.output.device import Device
+from ldcs_ros.rig.output.modbus import ModbusDevice, ModbusMap
+from ldcs_ros.rig.output.serial_line import SerialDevice as SerialClient
+from ldcs_ros.rig.output.serial_line import SerialSettings
+from ldcs_ros.rig.output.stage import OutputStage
 
 LIMITS = Limits(pressure=120e3)
 _KINDS = ("S", "A", "E", "P", "", "s", "\x00", "S" * 300)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,7 +64,7 @@ class Dissection:
         self.dtype = np.dtype(np.float32)
         by_column = np.lexsort((axis, layer, j, i))
         bounds = np.searchsorted((i * ny + j)[by_column], np.arange(nx * ny + 1))
-        coordinates = [by_column[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        coordinates = [by_column[a:b] for a, b in itertools.pairwise(bounds)]
         parts = _Parts((nx, ny), max(reach_x, reach_y, 1))
         self.order = np.concatenate([coordinates[c] for own, _, _ in parts.fronts for c in own])
         place = place_in(self.order)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 
 import numpy as np
@@ -59,7 +60,7 @@ class ArmLines:
         drawn = []
         for name, points in self.lines(position, link_angle).items():
             if self._term is not None and name in self._term.names:
-                pairs = zip(points[:-1], points[1:], strict=True)
+                pairs = itertools.pairwise(points)
                 drawn += [_link(f"{name}/link_{k + 1}", *ends, width) for k, ends in enumerate(pairs)]
                 scale = (_JOINT * self._thickness,) * 3
                 drawn.append(

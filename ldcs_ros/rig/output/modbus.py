@@ -32,7 +32,7 @@ class ModbusAnswer(Protocol):
 
     registers: list[int]
 
-    def isError(self) -> bool:
+    def isError(self) -> bool:  # noqa: N802  # the name of pymodbus
         """Return whether the device refused the request."""
 
 
