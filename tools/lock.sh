@@ -14,7 +14,7 @@ compile() {
         printf '# Written by tools/lock.sh; do not edit. Linux x86-64, CPython 3.10 to 3.14.\n'
         uv pip compile --quiet --universal --python-version 3.10 --no-header --no-annotate --no-emit-index-url \
             --generate-hashes ${KEEP:+--constraint "$output"} "$@" "$input" |
-            sed -E "s/platform_python_implementation == 'CPython' and sys_platform == 'linux'//; s/ and +\\\\$/ \\\\/; s/ ; +\\\\$/ \\\\/"
+            sed -E "s/ and \(\(platform_machine == .*\)\)//; s/platform_python_implementation == 'CPython' and sys_platform == 'linux'//; s/ and +\\\\$/ \\\\/; s/ ; +\\\\$/ \\\\/"
     } >"$output.new"
     mv "$output.new" "$output"
 }
@@ -24,3 +24,4 @@ compile requirements/ros.in requirements/ros.lock --constraint requirements/core
 compile requirements/view.in requirements/view.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/colcon.in requirements/colcon.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/coverage.in requirements/coverage.lock --constraint requirements/core.lock
+compile requirements/mutants.in requirements/mutants.lock --constraint requirements/core.lock

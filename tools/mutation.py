@@ -1,0 +1,237 @@
+"""Mutation testing of the inner rooms with cosmic-ray: a seeded sample of changes, each against the tests that run it.
+
+`make mutants`: each room is changed in a copy of the checkout; status 1 if fewer than the asked fraction of the changes
+is caught. Coverage of each test decides which tests a change meets, the fastest first. The table of docs/mutation.md is
+the output of this program.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from cosmic_ray.work_item import WorkItem
+
+ROOT = Path(__file__).resolve().parents[1]
+# Left out: unions of types, identity of numbers, operators that no float has, and decorators: `compiled` changes no
+# result.
+EXCLUDED = re.compile(r"BitOr|BitAnd|BitXor|Shift|RemoveDecorator|Comparison.*_(Is|IsNot)$")
+KERNEL = re.compile(r"^@compiled", re.MULTILINE)
+# Seconds of tests that one change meets at most, and the factor and the offset of their time limit.
+BUDGET, FACTOR, OFFSET = 12.0, 8.0, 60.0
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room with its tests.
+
+    Attributes:
+        count: Changes to try.
+        tests: Arguments of pytest.
+        compiled: Whether kernels are compiled: not in `physics`, whose tests are short without, and where a cached
+            kernel could hide a change of a kernel that it calls.
+    """
+
+    count: int
+    tests: tuple[str, ...]
+    compiled: bool
+
+
+ROOMS = {
+    "signals": Room(
+        55, ("test/signals", "test/plotting/test_tracks_are_the_state.py", "test/compare"), compiled=False
+    ),
+    "twin": Room(55, ("test/twin",), compiled=False),
+    "simulation": Room(55, ("test/simulation",), compiled=True),
+    "physics": Room(55, ("test/physics",), compiled=False),
+    "rig": Room(
+        40,
+        (
+            "test/rig",
+            "--ignore=test/rig/test_bridge_and_rig_as_processes.py",
+            "--ignore=test/rig/test_attacks.py",
+            "--ignore=test/rig/test_from_shadow_run_to_identified_rig.py",
+        ),
+        compiled=False,
+    ),
+    "integrators": Room(40, ("test/integrators",), compiled=True),
+}
+
+
+def sample(items: Sequence[WorkItem], count: int, seed: int) -> list[WorkItem]:
+    """Return one change at each of `count` places; a place is one operator or constant of the source."""
+    places: dict[tuple[str, tuple[int, int]], list[WorkItem]] = {}
+    for item in items:
+        mutation = item.mutations[0]
+        if not EXCLUDED.search(mutation.operator_name):
+            places.setdefault((str(mutation.module_path), mutation.start_pos), []).append(item)
+    draw = random.Random(seed)
+    chosen = draw.sample(sorted(places), min(count, len(places)))
+
+    def kind(item: WorkItem) -> tuple[str, int]:
+        return item.mutations[0].operator_name, item.mutations[0].occurrence
+
+    return [draw.choice(sorted(places[place], key=kind)) for place in sorted(chosen)]
+
+
+def measure_tests(name: str, room: Room, checkout: Path, environment: dict[str, str]) -> None:
+    """Run a room's tests without a change; write which test runs which line, and their durations, into tests.json."""
+    from coverage import CoverageData
+
+    options = [
+        f"--cov=ldcs_ros.{name}",
+        "--cov-context=test",
+        "--cov-report=",
+        "--cov-fail-under=0",
+        "--junitxml=tests.xml",
+    ]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *room.tests]
+    done = subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(f"the tests of {name} fail without a change:\n{done.stdout[-3000:]}")
+    durations = {
+        f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}": float(case.get("time", "0"))
+        for case in ElementTree.parse(checkout / "tests.xml").iter("testcase")
+    }
+    data = CoverageData(str(checkout / ".coverage"))
+    data.read()
+    lines = {
+        str(Path(file).relative_to(checkout)): {
+            line: sorted({context.partition("|")[0] for context in contexts} & set(durations))
+            for line, contexts in data.contexts_by_lineno(file).items()
+        }
+        for file in data.measured_files()
+    }
+    (checkout / "tests.json").write_text(
+        json.dumps({"lines": lines, "durations": durations}), encoding="utf-8"
+    )
+
+
+def tests_of_the_change(room: str) -> list[str]:
+    """Return the tests that run the changed lines of the checkout here, the fastest first."""
+    known = json.loads(Path("tests.json").read_text(encoding="utf-8"))
+    for path in sorted(Path("ldcs_ros", room).rglob("*.py")):
+        before, after = (
+            (folder / path).read_text(encoding="utf-8").splitlines() for folder in (Path("unchanged"), Path())
+        )
+        if before == after:
+            continue
+        lines = known["lines"].get(str(path), {})
+        numbers = [k for k, (a, b) in enumerate(zip_longest(before, after), start=1) if a != b]
+        found = {test for number in numbers for test in lines.get(str(number), [])}
+        if not found:
+            # Run at import, or compiled: the tests of the file, or of the room for a kernel.
+            found = {test for tests in lines.values() for test in tests}
+            if KERNEL.search("\n".join(before)):
+                found = set(known["durations"])
+                shutil.rmtree("kernels", ignore_errors=True)
+        chosen, spent = [], 0.0
+        for test in sorted(found, key=lambda test: known["durations"][test]):
+            spent += known["durations"][test]
+            if chosen and spent > BUDGET:
+                break
+            chosen.append(test)
+        return chosen
+    raise SystemExit("no change in this checkout")
+
+
+def run_room(name: str, room: Room, folder: Path, *, count: int, seed: int) -> tuple[int, int, list[str]]:
+    """Try a room's changes in a copy; return the numbers tried and caught, and the survivors in words."""
+    from cosmic_ray.work_db import WorkDB, use_db
+    from cosmic_ray.work_item import TestOutcome
+
+    checkout = folder / "checkout"
+    unused = shutil.ignore_patterns(".git", ".venv", "out", "build", ".*_cache", "kernels-*")
+    shutil.copytree(ROOT, checkout, ignore=unused)
+    shutil.copytree(checkout / "ldcs_ros" / name, checkout / "unchanged" / "ldcs_ros" / name)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{checkout}{os.pathsep}{os.environ.get('PYTHONPATH', '')}",
+        # One cache for all changes: a kernel is compiled again when its own file changes.
+        **({"NUMBA_CACHE_DIR": str(checkout / "kernels")} if room.compiled else {"LDCS_NO_NUMBA": "1"}),
+    }
+    measure_tests(name, room, checkout, environment)
+    # A cached module would hide a change within the same second and of the same length.
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    (checkout / "session.toml").write_text(
+        f'[cosmic-ray]\nmodule-path = "ldcs_ros/{name}"\ntimeout = {FACTOR * BUDGET + OFFSET}\nexcluded-modules = []\n'
+        f'test-command = "{sys.executable} {__file__} --test {name}"\n[cosmic-ray.distributor]\nname = "local"\n',
+        encoding="utf-8",
+    )
+    session = ["session.toml", "session.sqlite"]
+    cosmic_ray = [sys.executable, "-m", "cosmic_ray.cli"]
+    subprocess.run([*cosmic_ray, "init", *session], cwd=checkout, check=True)
+    with use_db(checkout / session[1], WorkDB.Mode.open) as database:
+        chosen = sample(list(database.work_items), count, seed)
+        database.clear()
+        database.add_work_items(chosen)
+    nice = ["nice", "-n", "10"]
+    subprocess.run([*nice, *cosmic_ray, "exec", *session], cwd=checkout, env=environment, check=True)
+    with use_db(checkout / session[1], WorkDB.Mode.open) as database:
+        alive = {
+            job: result.diff or ""
+            for job, result in database.results
+            if result.test_outcome == TestOutcome.SURVIVED
+        }
+    words = [_words(item, alive[item.job_id]) for item in chosen if item.job_id in alive]
+    return len(chosen), len(chosen) - len(alive), words
+
+
+def _words(item: WorkItem, diff: str) -> str:
+    """Return the place and the change of a survivor."""
+    mutation = item.mutations[0]
+    removed, added = (
+        next((line[1:].strip() for line in diff.splitlines() if re.match(rf"\{sign}(?!\{sign})", line)), "")
+        for sign in "-+"
+    )
+    return f"{mutation.module_path}:{mutation.start_pos[0]}: `{removed}` -> `{added}`"
+
+
+def main() -> int:
+    """Try the sample of each room; exit status 0 if enough of the changes are caught."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("rooms", nargs="*", default=list(ROOMS), help=f"rooms out of {list(ROOMS)}")
+    parser.add_argument("--count", type=int, help="changes of each room; a number for each room if not given")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the sample")
+    parser.add_argument("--caught", type=float, default=0.9, help="fraction that must be caught")
+    parser.add_argument("--test", metavar="ROOM", help="only run the tests of the change in the folder here")
+    arguments = parser.parse_args()
+    if arguments.test:
+        tests = tests_of_the_change(arguments.test)
+        # A change that no test runs survives.
+        return int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests])) if tests else 0
+    print("| room | tried | caught | caught [%] | time [s] |\n|---|---|---|---|---|", flush=True)
+    tried = caught = 0
+    survivors: list[str] = []
+    for name in arguments.rooms:
+        room, began = ROOMS[name], time.monotonic()
+        with tempfile.TemporaryDirectory() as folder:
+            count = arguments.count or room.count
+            made, found, words = run_room(name, room, Path(folder), count=count, seed=arguments.seed)
+        took = time.monotonic() - began
+        print(f"| {name} | {made} | {found} | {100 * found / made:.0f} | {took:.0f} |", flush=True)
+        tried, caught, survivors = tried + made, caught + found, survivors + words
+    print(f"| all | {tried} | {caught} | {100 * caught / tried:.0f} | |\n")
+    print(*(f"- {words}" for words in survivors), sep="\n")
+    return 0 if caught >= arguments.caught * tried else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
