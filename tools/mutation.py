@@ -56,7 +56,7 @@ class Room:
 
 ROOMS = {
     "signals": Room(
-        55, ("test/signals", "test/plotting/test_tracks_are_the_state.py", "test/compare"), compiled=False
+        55, ("test/signals",), compiled=False
     ),
     "twin": Room(55, ("test/twin",), compiled=False),
     "simulation": Room(55, ("test/simulation",), compiled=True),
