@@ -63,8 +63,10 @@ coverage: setup  ## measure the lines of the rooms schema, scene and sensors tha
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/coverage.lock
 	@$(BIN)/python -m pytest -q $(COVERED:%=--cov=ldcs_ros.%) --cov-report=term-missing $(COVERED:%=test/%)
 
-mutants: setup  ## change operators and constants of inner rooms, list what no test notices: MUTANTS='physics --count 20'
-	@source tools/environment.sh && $(BIN)/python tools/mutants.py $(MUTANTS)
+mutants: setup  ## change operators and constants of the inner rooms, list the changes that no test catches: MUTANTS='physics --count 20'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/coverage.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/mutants.lock
+	@source tools/environment.sh && $(BIN)/python tools/mutation.py $(MUTANTS)
 
 types: setup  ## check the types
 	@$(BIN)/mypy

@@ -144,6 +144,12 @@ def test_an_arm_command_names_its_arms_and_is_recorded_as_what_it_amounts_to(run
     assert not collected.on("arm_command")
 
 
+def test_torques_of_some_joints_only_are_of_the_wrong_size(run):
+    twin, _ = run(RailScene("torque"))
+    refusal = twin.receive("arm_command", arms(1, ["left", "right"], torques=[0.1, 0.2, 0.3]))
+    assert "wrong size" in refusal and "got 3 values for 2 arms, expected 2 or 4" in refusal
+
+
 def test_an_arm_command_gives_torques_by_arm_or_by_joint(run):
     twin, _ = run(RailScene(drive="torque"))
     assert twin.receive("arm_command", arms(1, ["right"], torques=[0.5])) is None
