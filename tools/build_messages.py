@@ -75,6 +75,7 @@ def build(package: str) -> bool:
 
 
 def main(packages: list[str]) -> int:
+    """Build interface packages that are not installed; return the exit status."""
     wanted = [name for name in packages if name == "ldcs_msgs" or not found_elsewhere(name)]
     if wanted and (lacks := missing()):
         missing_here = ", ".join(lacks)

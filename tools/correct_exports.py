@@ -23,6 +23,7 @@ def local_folder(match: re.Match[str]) -> str:
 
 
 def main() -> None:
+    """Correct the CMake exports of all installed packages of ROS."""
     corrected = 0
     for export in sorted(Path(sys.prefix, "share").rglob("*.cmake")):
         text = export.read_text(encoding="utf-8")

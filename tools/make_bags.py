@@ -23,7 +23,7 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 def paper() -> tuple[Twin, Callable[[Twin], None]]:
-    """The paper's test by an independent reference method at a tight tolerance."""
+    """Return the paper's test by an independent reference method at a tight tolerance."""
     twin = Twin(load_scene("paper").edited(solver={"integrator": "radau", "accuracy": 1.0e-8}))
     return twin, lambda twin: twin.advance_to(3.0)
 
@@ -45,7 +45,7 @@ def chirp() -> tuple[Twin, Callable[[Twin], None]]:
 
 
 def impulse() -> tuple[Twin, Callable[[Twin], None]]:
-    """The lifted sheet at rest, pushed down at the free edge with 1 N for 20 ms, left alone for 1.5 s."""
+    """Return the lifted sheet at rest, pushed down at the free edge with 1 N for 20 ms, then free for 1.5 s."""
     twin = Twin(load_scene("paper_no_load"), RunSettings(accuracy=ACCURACY))
     twin.settle()
 

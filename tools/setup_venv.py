@@ -52,6 +52,7 @@ def distribution():
 
 
 def main():
+    """Make the virtual environment with the pinned versions."""
     check_python()
     ros = distribution()
     print(f"setup: making .venv with {sys.executable}, ROS 2 {ros or 'from wheels'}", flush=True)

@@ -94,7 +94,7 @@ class BagFile:
             raise
 
     def add_topic(self, topic: str, info: TopicInfo, schema: Schema) -> int:
-        """A channel for CDR messages of a topic; returns its id."""
+        """Add a channel for CDR messages of a topic and return its id."""
         metadata = {"offered_qos_profiles": dump([info.qos.as_dict()]), "topic_type_hash": schema.type_hash}
         return self.add_channel(
             topic, MessageEncoding.CDR, (schema.type, SchemaEncoding.ROS2, schema.text.encode()), metadata
@@ -103,7 +103,7 @@ class BagFile:
     def add_channel(
         self, topic: str, encoding: str, schema: tuple[str, str, bytes] | None, metadata: Mapping[str, str]
     ) -> int:
-        """A channel from its parts; schema is (name, encoding, data) or None. Returns its id."""
+        """Add a channel from its parts and return its id; schema is (name, encoding, data) or None."""
         schema_id = 0
         if schema is not None:
             if schema not in self._schemas:
@@ -123,7 +123,7 @@ class BagFile:
         publish_time: int | None = None,
         sequence: int | None = None,
     ) -> None:
-        """A message at a log time [ns]; without a sequence number it is numbered in its channel from 1."""
+        """Add a message at a log time [ns]; without a sequence number it is numbered in its channel from 1."""
         count = self._counts[channel] = self._counts[channel] + 1
         self._start = min(self._start, time)
         self._end = max(self._end, time)
@@ -136,11 +136,11 @@ class BagFile:
         )
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """A metadata record of texts by name."""
+        """Add a metadata record of texts by name."""
         self._writer.add_metadata(name, dict(content))
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """A file carried inside the bag."""
+        """Add a file to the bag."""
         self._writer.add_attachment(
             attachment.create_time,
             attachment.log_time,
@@ -216,5 +216,5 @@ class BagFile:
 
 
 def open_new(path: Path) -> IO[bytes]:
-    """A file for writing that did not exist before; after a cut it goes on at the end, so that its size shows it."""
+    """Open a new file for writing; after a cut it continues at the end, so that its size shows the cut."""
     return open(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))

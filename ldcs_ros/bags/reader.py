@@ -128,7 +128,7 @@ class _Bag:
 
 @contextmanager
 def _one_line(bag: Path) -> Iterator[None]:
-    """The boundary of all parsers of bags: trouble of any kind leaves as one RecordingError."""
+    """Convert errors of all parsers of bags to one RecordingError."""
     try:
         yield
     except RecordingError:

@@ -174,7 +174,7 @@ class BagWriter:
         self.close()
 
     def _open(self) -> BagFile:
-        """The folder and the MCAP file with everything that is known before the first message."""
+        """Make the folder and the MCAP file with all content before the first message."""
         try:
             self.folder.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -222,7 +222,7 @@ class BagWriter:
         return channel
 
     def _run(self) -> None:
-        """The writing thread; any failure ends in `error`, so that no caller waits for it forever."""
+        """Run the writing thread; any failure ends in `error`, so that no caller waits for it forever."""
         try:
             self._record()
             self._file.flush()

@@ -31,17 +31,17 @@ def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def seconds(text: str) -> float:
-    """A duration in seconds, above zero and finite."""
+    """Return a duration in seconds, above zero and finite."""
     return _positive(text, what="duration", unit="s")
 
 
 def metres(text: str) -> float:
-    """A length in metres, above zero and finite."""
+    """Return a length in metres, above zero and finite."""
     return _positive(text, what="length", unit="m")
 
 
 def instant(text: str) -> float:
-    """A time in seconds, zero or later, finite."""
+    """Return a time in seconds, zero or later, finite."""
     value = number(text, what="time", unit="s")
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"time is '{text}', expected 0 s or later")
@@ -49,7 +49,7 @@ def instant(text: str) -> float:
 
 
 def seed(text: str) -> int:
-    """A seed for the sensors' noise: a whole number, 0 or above."""
+    """Return a seed for the sensors' noise: a whole number, 0 or above."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"seed is '{text}', expected a whole number, 0 or above")
     return int(text)
@@ -63,7 +63,7 @@ def _positive(text: str, *, what: str, unit: str) -> float:
 
 
 def number(text: str, *, what: str, unit: str) -> float:
-    """A finite number; the complaint names what it is and its unit."""
+    """Return a finite number; the error names its meaning and its unit."""
     try:
         value = float(text)
     except ValueError:

@@ -36,7 +36,7 @@ def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[s
 
 
 def parse_value(text: str) -> object:
-    """The value that a text means in a scene file: number, list, word, true / false, null."""
+    """Return the value of a text in a scene file: number, list, word, true / false, null."""
     from ldcs_ros.schema.reader import read_yaml
 
     try:

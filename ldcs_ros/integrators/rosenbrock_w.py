@@ -57,7 +57,9 @@ class Kept(NamedTuple):
 
 
 class RosenbrockW(Integrator):
-    """For y = (q, u), F = (u, a) and any matrix A near dF/dy, with g = h gamma:
+    """A Rosenbrock method with a matrix A near dF/dy.
+
+    For y = (q, u), F = (u, a) and g = h gamma:
 
         (1 / g - A) w_i = F(t_i, y_0 + sum a_ij w_j) + sum (c_ij / h) w_j + h gamma_i F_t,    y_1 = y_0 + sum m_i w_i.
 

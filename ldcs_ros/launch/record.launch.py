@@ -20,7 +20,7 @@ from ldcs_ros.ros.sim.parameters import PARAMETERS
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The twin records itself, message by message as sent; `graph` adds rosbag2 for what other nodes publish."""
+    """Return a launch in which the twin records itself; `graph` adds rosbag2 for topics of other nodes."""
     defaults = {"record": time.strftime("out/%Y%m%d-%H%M%S")}
     return LaunchDescription(
         [

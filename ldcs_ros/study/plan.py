@@ -76,8 +76,7 @@ def targets() -> list[Task]:
 
 
 def full() -> list[Task]:
-    """Return the preset for half an hour on two cores: the targets, all methods, fixed and adaptive steps, 9 x 9 to
-    129 x 129."""
+    """Return the preset for half an hour on two cores: targets, all methods, both step controls, 9 x 9 to 129 x 129."""
     fine = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
     tasks = targets()
     for scene in ("arc", "paper", "rig", "hanging_sheet"):

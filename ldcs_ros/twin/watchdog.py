@@ -73,15 +73,15 @@ class Watchdog:
         return "idle" if self._fed_at is None else "armed"
 
     def feed(self) -> None:
-        """A command for the arms was applied."""
+        """Take note of an applied command for the arms."""
         self._fed_at = self._now()
 
     def feed_wrench(self, frame: str) -> None:
-        """A wrench at this frame was applied."""
+        """Take note of an applied wrench at this frame."""
         self._wrench_at[frame] = self._now()
 
     def release_wrench(self, frame: str) -> None:
-        """The wrench at this frame is no sender's any more."""
+        """Take note that the wrench at this frame has no sender any more."""
         self._wrench_at.pop(frame, None)
 
     def check(self) -> bool:

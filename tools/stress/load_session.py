@@ -91,7 +91,7 @@ class Session:
         return figures(self.node.process.pid)
 
     def publisher(self, topic: str, kind: str):
-        """A reliable publisher of bytes on a topic of the node, once the node listens."""
+        """Return a reliable publisher of bytes on a topic of the node, once the node listens."""
         publisher = self.user.node.create_publisher(message_type(kind), f"/ldcs/{topic}", KEEP_ALL)
         self.user.until(lambda: publisher.get_subscription_count() > 0)
         return publisher
@@ -105,12 +105,12 @@ class Session:
         return bool(self.user.received["/diagnostics"])
 
     def health(self, timeout: float = 5.0) -> dict[str, dict[str, str]]:
-        """The entries of the next diagnostics message by name: their values, level and message."""
+        """Return the entries of the next diagnostics message by name: their values, level and message."""
         self.user.received["/diagnostics"].clear()
         return self.latest_health(timeout)
 
     def latest_health(self, timeout: float = 5.0) -> dict[str, dict[str, str]]:
-        """The entries of a message that came since the last one was read, or of the next one."""
+        """Return the entries of a message that came since the last one was read, or of the next one."""
         received = self.user.received["/diagnostics"]
         self.user.until(lambda: received, timeout)
         message = received[-1]
@@ -125,7 +125,7 @@ class Session:
         }
 
     def settled(self, sent: int, timeout: float = 10.0) -> dict[str, dict[str, str]]:
-        """The diagnostics once every command that was sent is counted, or when the time is over [s]."""
+        """Return the diagnostics once every command that was sent is counted, or when the time is over [s]."""
         end = time.monotonic() + timeout
         while True:
             health = self.health()

@@ -48,7 +48,7 @@ _UNSOUND = (float("nan"), float("inf"), float("-inf"))
 
 
 def number(random: Random) -> float:
-    """A number: plain, odd, or none at all."""
+    """Return a number: plain, odd, or none at all."""
     kind = random.random()
     if kind < 0.5:
         return random.gauss(0.0, 10.0 ** random.randint(-3, 6))
@@ -56,7 +56,7 @@ def number(random: Random) -> float:
 
 
 def message_of(kind: str):
-    """The rclpy class of a field type such as 'std_msgs/Header'."""
+    """Return the rclpy class of a field type such as 'std_msgs/Header'."""
     package, _, name = kind.partition("/")
     return getattr(import_module(f"{package}.msg"), name)
 
@@ -123,7 +123,7 @@ def _torn(random: Random, cdr: bytes) -> bytes:
 
 
 def cdr_of(message, kind: str) -> bytes:
-    """The bytes of a message as a publisher sends them; rclpy's own have spare ones behind."""
+    """Return the bytes of a message as a publisher sends them; rclpy's own end in spare ones."""
     cdr, store = bytes(serialize_message(message)), typestore()
     definition = store.get_msgdef(kind)
     _, end = definition.deserialize_cdr_le(cdr[4:], 0, definition.cls, store)

@@ -30,7 +30,7 @@ class Sender:
         self._sequence = 0
 
     def start_over(self) -> None:
-        """Number arm commands from the beginning, as a sender does after a reset."""
+        """Begin the numbers of arm commands again, as a sender does after a reset."""
         self._sequence = 0
 
     def draw(self) -> tuple[str, bytes]:

@@ -177,7 +177,7 @@ def rows(folder, tell, *, seconds=3600.0, again=True):
 
 
 def wave(k):
-    """The k-th commanded gauge pressure [Pa]; no two neighbours are alike, so each one is a command."""
+    """Return the k-th commanded gauge pressure [Pa]; no two neighbours are alike, so each one is a command."""
     return 6.0e4 + 4.0e4 * math.sin(2.0 * math.pi * k / 173.0)
 
 

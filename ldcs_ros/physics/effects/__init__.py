@@ -1,4 +1,4 @@
-"""One physical effect a file. A new one takes four steps:
+"""One physical effect a file; a new one takes four steps.
 
 1. Write `effects/<name>.py`: a frozen dataclass `<Name>(Effect)` with `name = '<name>'` and SI fields, and
    its term.

@@ -143,7 +143,7 @@ class SimulationNode(ParameterNode, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """The same, for good."""
+        """Do the same, and end the process."""
         self.stop()
         self.finished.set()
         return TransitionCallbackReturn.SUCCESS

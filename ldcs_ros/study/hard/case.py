@@ -77,8 +77,7 @@ def nearest_rest_error(case: HardCase, run: CaseRun) -> float:
 
 
 def peak_to_peak(case: HardCase, run: CaseRun) -> float:
-    """Return the largest peak-to-peak motion of a node coordinate over the samples [m]; one sample a cycle compares
-    cycles."""
+    """Return the largest peak-to-peak motion of a node coordinate over the samples [m]; one a cycle compares cycles."""
     return float(np.ptp(run.positions, axis=0).max())
 
 
