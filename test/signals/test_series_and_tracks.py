@@ -16,7 +16,7 @@ from ldcs_ros.signals.topics import find_topic, guess_mapping
 from ldcs_ros.signals.tracks import cloud_positions, point_tracks, pressure_tracks, snapshots
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
-import rig_bag  # noqa: E402
+import rig_bag
 
 MS = 1_000_000  # ns
 

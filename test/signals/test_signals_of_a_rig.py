@@ -16,8 +16,8 @@ from ldcs_ros.signals.mapping import parse_mapping
 from ldcs_ros.signals.signals import read_signals
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
-import rig_bag  # noqa: E402
-from rig_bag import WALL  # noqa: E402
+import rig_bag
+from rig_bag import WALL
 
 MS = 1_000_000  # ns
 
