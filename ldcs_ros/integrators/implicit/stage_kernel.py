@@ -118,7 +118,7 @@ def _step(  # type: ignore[no-untyped-def]
     h, ratio, allowed, rate, scale = numbers[0], numbers[1], numbers[2], numbers[3], numbers[5]
     rate_step, back = (1.0 + ratio) / (1.0 + 2.0 * ratio) * h, ratio * ratio / (1.0 + 2.0 * ratio)
     n_free, n_nodes = free.size, order.size
-    links, n_angles, first = tables.chains.length.shape[1], border.shape[2], 3 * scratch.shape[1]
+    links, n_angles, first = tables.arms.links.shape[1], border.shape[2], 3 * scratch.shape[1]
     inertia = np.empty((n_angles // links if n_angles > 0 else 0, links, links))
     nodes, known, residual, force = (
         np.empty(n_nodes),
@@ -164,7 +164,7 @@ def _step(  # type: ignore[no-untyped-def]
             residual[i] = force[free[i]] - weights[0, i] * a[i]
         if n_angles > 0:
             phi = q[first:].reshape(-1, links)
-            arm.fill_inertia(phi, tables.chains, inertia)
+            arm.fill_inertia(phi, tables.arms.arms, tables.arms.links, inertia)
             for side in range(inertia.shape[0]):
                 for k in range(links):
                     total = force[first + side * links + k]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
 from ldcs_ros.physics import arm
-from ldcs_ros.physics.arm import ArmChains, Couplings
+from ldcs_ros.physics.arm import ARM, COUPLING, LINK, ArmTables
 from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
@@ -247,15 +248,15 @@ class ArmsTerm(Term):
         self.first = 3 * lattice.n_nodes
         for one, own in zip(placed, self.each, strict=True):
             _check_shape(one, own, lattice, listed=bool(arms.arms))
-        self.chains = _chains(placed, self.each, assembly.gravity)
-        self.couplings = _couplings(placed, self.each, lattice)
-        self.link_length = self.chains.length
+        self.tables = _tables(placed, self.each, assembly.gravity, lattice)
+        self.link_length = self.tables.links["length"]
         self.prescribed = arms.drive == "curvature"
         self.breakpoints = (0.0, *(own.rise_time for own in self.each)) if self.prescribed else ()
-        turned = [bool(np.any(self.chains.direction[:, axis])) for axis in range(2)]
+        turned = [bool(np.any(self.tables.arms[name])) for name in ("direction_x", "direction_y")]
         self._axes = np.array([axis for axis in range(3) if axis == 2 or turned[axis]])
         self._gain = np.array([[own.pressure_gain] for own in self.each])
         self.used = np.arange(self.n_links) < self.links[:, None]
+        self._has_unused = not self.used.all()
         self._still = np.zeros((self.n_arms, self.n_links))
 
     def angles(self, flat: np.ndarray) -> np.ndarray:
@@ -279,25 +280,26 @@ class ArmsTerm(Term):
     def drive_torque(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (n_arms, n_links); 0 for unused links."""
         if self.arms.drive == "torque" and inputs.torque is not None:
-            return inputs.torque if self.used.all() else np.where(self.used, inputs.torque, 0.0)
+            return np.where(self.used, inputs.torque, 0.0) if self._has_unused else inputs.torque
         if self.arms.drive == "pressure" and inputs.chambers:
             pressure = np.array([[chamber.at(time)] for chamber in inputs.chambers])
             torque = np.repeat(self._gain * pressure, self.n_links, axis=1)
-            return torque if self.used.all() else np.where(self.used, torque, 0.0)
+            return np.where(self.used, torque, 0.0) if self._has_unused else torque
         return self._still
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return the mass matrix of each arm's link angles [kg m^2], shape (n_arms, n_links, n_links)."""
         matrix = np.empty((self.n_arms, self.n_links, self.n_links))
-        arm.fill_inertia(self.angles(q), self.chains, matrix)
+        arm.fill_inertia(self.angles(q), self.tables.arms, self.tables.links, matrix)
         return matrix
 
     def add_force(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
         phi, rate, torque = self.angles(q), self.angles(u), self.angles(force)
-        arm.add_chain_force(phi, rate, self.chains, self.drive_torque(time, inputs), torque)
-        arm.add_coupling_force(q, u, phi, rate, self.chains, self.couplings, force, torque)
+        drive, tables = self.drive_torque(time, inputs), self.tables
+        arm.add_chain_force(phi, rate, tables.arms, tables.links, drive, torque)
+        arm.add_coupling_force(q, u, phi, rate, *tables, force, torque)
 
     def add_command_jump(
         self,
@@ -314,26 +316,26 @@ class ArmsTerm(Term):
         torque[:, :-1] -= jump[:, 1:]
 
     def energy(self, time: float, q: np.ndarray) -> float:
-        phi, chains, couplings = self.angles(q), self.chains, self.couplings
+        phi, (arms, links, ribs, couplings, nodes, weight) = self.angles(q), self.tables
         bend = np.diff(phi, axis=1, prepend=0.0)
-        total = 0.5 * float(np.sum(np.where(self.used, chains.stiffness * bend**2, 0.0)))
+        total = 0.5 * float(np.sum(np.where(self.used, links["stiffness"] * bend**2, 0.0)))
         outer = np.maximum(self.links[:, None] - np.arange(self.n_links) - 0.5, 0.0)
-        lever = chains.mass[:, None] * chains.length * outer
-        total -= float(
-            np.sum(lever * (chains.gravity[:, :1] * np.cos(phi) + chains.gravity[:, 1:] * np.sin(phi)))
-        )
+        lever = arms["mass"][:, None] * links["length"] * outer
+        gravity_r, gravity_z = arms["gravity_r"][:, None], arms["gravity_z"][:, None]
+        total -= float(np.sum(lever * (gravity_r * np.cos(phi) + gravity_z * np.sin(phi))))
         x, still = q[: self.first].reshape(-1, 3), np.zeros(self.n_links)
         place, speed, slope = np.empty(2), np.empty(2), np.empty((self.n_links, 2))
-        for c, arm_index in enumerate(couplings.arm):
-            station, offset = couplings.station[c], couplings.offset[c]
-            arm.rib_end(phi[arm_index], still, chains, arm_index, station, offset, place, speed, slope)
-            held = self._in_base(arm_index, place[0], couplings.lateral[c], place[1])
-            gap = couplings.weight[c] @ x[couplings.nodes[c]] - held
-            total += 0.5 * couplings.stiffness[c] * float(gap @ gap)
+        for c, one in enumerate(couplings):
+            k = one["arm"]
+            chain = phi[k], still, arms[k], links[k], ribs[k]
+            arm.rib_end(*chain, one["station"], one["offset"], place, speed, slope)
+            held = self._in_base(k, place[0], one["lateral"], place[1])
+            gap = weight[c] @ x[nodes[c]] - held
+            total += 0.5 * float(one["stiffness"]) * float(gap @ gap)
         return total
 
     def _in_base(self, arm_index: int, along: float, across: float, height: float) -> np.ndarray:
-        dx, dy = self.chains.direction[arm_index]
+        dx, dy = (self.tables.arms[arm_index][name] for name in ("direction_x", "direction_y"))
         return np.array([dx * along - dy * across, dy * along + dx * across, height])
 
     def station_positions(self, q: np.ndarray) -> np.ndarray:
@@ -341,19 +343,18 @@ class ArmsTerm(Term):
 
         They lie in the middle of the rows that an arm covers. The stations of unused links are those of the tip.
         """
-        phi, chains = self.angles(q), self.chains
+        phi, couplings = self.angles(q), self.tables.couplings
         result = np.empty((self.n_arms, self.n_links + 1, 3))
-        for k in range(self.n_arms):
-            across = float(np.mean(np.unique(self.couplings.lateral[self.couplings.arm == k])))
-            steps = chains.length[k, :, None] * np.stack([np.cos(phi[k]), np.sin(phi[k])], axis=-1)
-            places = chains.base[k] + np.cumsum(steps, axis=0)
-            first = (chains.start[k], chains.base[k, 1])
-            for station, (along, height) in enumerate([first, *places]):
+        for k, one in enumerate(self.tables.arms):
+            across = float(np.mean(np.unique(couplings["lateral"][couplings["arm"] == k])))
+            steps = self.link_length[k, :, None] * np.stack([np.cos(phi[k]), np.sin(phi[k])], axis=-1)
+            places = np.array([one["base_r"], one["base_z"]]) + np.cumsum(steps, axis=0)
+            for station, (along, height) in enumerate([(one["start"], one["base_z"]), *places]):
                 result[k, station] = self._in_base(k, along, across, height)
         return result
 
     def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
-        arm_of, node = self.couplings.arm, 3 * self.couplings.nodes  # (n_couplings, n_corners)
+        arm_of, node = self.tables.couplings["arm"], 3 * self.tables.nodes  # (n_couplings, n_corners)
         angle = self.first + np.arange(self.n_arms * self.n_links).reshape(self.n_arms, self.n_links)
         chain = np.broadcast_arrays(angle[:, :, None], angle[:, None, :])
         both = np.broadcast_arrays(
@@ -371,15 +372,16 @@ class ArmsTerm(Term):
     def jacobian(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        n, (count, corners) = self.n_links, self.couplings.nodes.shape
+        n, (count, corners) = self.n_links, self.tables.nodes.shape
         phi, rate = self.angles(q), self.angles(u)
         chain, chain_rate = np.zeros((self.n_arms, n, n)), np.zeros((self.n_arms, n, n))
-        arm.fill_chain_jacobian(phi, rate, self.chains, positive_definite, chain, chain_rate)
+        arms, links, *_ = self.tables
+        arm.fill_chain_jacobian(phi, rate, arms, links, positive_definite, chain, chain_rate)
         mixed = (count, corners, len(self._axes), n)
         shapes = [(count, corners, corners, 3), mixed, mixed, (count, n, n)]
         blocks, rates = [np.empty(shape) for shape in shapes], [np.empty(shape) for shape in shapes]
         arm.fill_coupling_jacobian(
-            q, u, phi, rate, self.chains, self.couplings, self._axes, positive_definite, *blocks, *rates
+            q, u, phi, rate, *self.tables, self._axes, positive_definite, *blocks, *rates
         )
         by_position = np.concatenate([chain.ravel()] + [block.ravel() for block in blocks])
         by_rate = np.concatenate([chain_rate.ravel()] + [block.ravel() for block in rates])
@@ -410,37 +412,34 @@ def _check_shape(placed: PlacedArm, own: Arms, lattice: Lattice, *, listed: bool
         raise ValueError(f"{which}width: got {own.width}, expected 0 ... {most}, the sheet has {rows} rows")
 
 
-def _chains(placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], gravity: np.ndarray) -> ArmChains:
+def _tables(
+    placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], gravity: np.ndarray, lattice: Lattice
+) -> ArmTables:
     most = max(own.links for own in each)
-    shape = (len(each), most)
-    length, stiffness, damping = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    direction, start, base = np.zeros((len(each), 2)), np.zeros(len(each)), np.zeros((len(each), 2))
-    rib_weight = np.zeros((len(each), most + 1, most))
+    arms, links = np.zeros(len(each), dtype=ARM), np.zeros((len(each), most), dtype=LINK)
+    ribs = np.zeros((len(each), most + 1, most))
     for k, (one, own) in enumerate(zip(placed, each, strict=True)):
-        n = own.links
-        length[k, :n] = one.length / n
-        length[k, 0] -= own.rigid_base
+        n, direction = own.links, _direction(one)
+        links["length"][k, :n] = one.length / n
+        links["length"][k, 0] -= own.rigid_base
         fraction = np.ones(n)
         fraction[0] = own.base_joint_share
-        stiffness[k, :n], damping[k, :n] = own.joint_stiffness / fraction, own.joint_damping / fraction
-        direction[k] = _direction(one)
-        start[k] = float(direction[k] @ np.array(one.start))
-        base[k] = start[k] + own.rigid_base, own.backbone_height
-        rib_weight[k, : n + 1, :n] = _rib_weights(own)
-    in_plane = np.stack([direction @ gravity[:2], np.full(len(each), gravity[2])], axis=1)
-    return ArmChains(
-        np.array([own.links for own in each]),
-        np.array([own.link_mass for own in each]),
-        np.array([own.link_inertia for own in each]),
-        length,
-        stiffness,
-        damping,
-        in_plane,
-        direction,
-        start,
-        base,
-        rib_weight,
-    )
+        links["stiffness"][k, :n] = own.joint_stiffness / fraction
+        links["damping"][k, :n] = own.joint_damping / fraction
+        start = float(direction @ np.array(one.start))
+        arms[k] = (
+            n,
+            own.link_mass,
+            own.link_inertia,
+            *direction,
+            float(direction @ gravity[:2]),
+            gravity[2],
+            start,
+            start + own.rigid_base,
+            own.backbone_height,
+        )
+        ribs[k, : n + 1, :n] = _rib_weights(own)
+    return ArmTables(arms, links, ribs, *_couplings(placed, each, lattice))
 
 
 def _direction(placed: PlacedArm) -> np.ndarray:
@@ -459,41 +458,29 @@ def _rib_weights(own: Arms) -> np.ndarray:
     return rib_weight
 
 
-def _couplings(placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], lattice: Lattice) -> Couplings:
-    # One coupling for each arm, joint station, row under the arm, and layer.
-    arm_of, station, offset, lateral, nodes, weight = [], [], [], [], [], []
+def _couplings(
+    placed: tuple[PlacedArm, ...], each: tuple[Arms, ...], lattice: Lattice
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return one coupling for each arm, joint station, row under the arm and layer: `COUPLING`, nodes and weights."""
+    rows, nodes, weight = [], [], []
     for k, (one, own) in enumerate(zip(placed, each, strict=True)):
         dx, dy = _direction(one)
         cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
-        rows = [0, *(side * row for row in range(1, own.width + 1) for side in (-1, 1))]
-        for s in range(own.links + 1):
-            x = one.start[0] + (one.end[0] - one.start[0]) * s / own.links
-            y = one.start[1] + (one.end[1] - one.start[1]) * s / own.links
-            for row in rows:
-                at = x - dy * row * cell, y + dx * row * cell
-                if not lattice.covers(*at):
-                    continue
-                for layer in range(2):
-                    corners, weights = lattice.bilinear(layer, *at)
-                    place = weights @ lattice.reference_position[corners]
-                    arm_of.append(k)
-                    station.append(s)
-                    offset.append(place[2] - own.backbone_height)
-                    lateral.append(dx * place[1] - dy * place[0])
-                    nodes.append(corners)
-                    weight.append(weights)
-    arm_index = np.array(arm_of)
+        across = [0, *(side * row for row in range(1, own.width + 1) for side in (-1, 1))]
+        for s, row, layer in product(range(own.links + 1), across, range(2)):
+            x = one.start[0] + (one.end[0] - one.start[0]) * s / own.links - dy * row * cell
+            y = one.start[1] + (one.end[1] - one.start[1]) * s / own.links + dx * row * cell
+            if not lattice.covers(x, y):
+                continue
+            corners, weights = lattice.bilinear(layer, x, y)
+            place = weights @ lattice.reference_position[corners]
+            lateral = dx * place[1] - dy * place[0]
+            offset = place[2] - own.backbone_height
+            rows.append((k, s, offset, lateral, own.coupling_stiffness, own.coupling_damping))
+            nodes.append(corners)
+            weight.append(weights)
     kept = _corners_in_use(np.array(weight))
-    return Couplings(
-        arm_index,
-        np.array(station),
-        np.array(offset),
-        np.array(lateral),
-        np.array([own.coupling_stiffness for own in each])[arm_index],
-        np.array([own.coupling_damping for own in each])[arm_index],
-        np.array(nodes)[:, kept],
-        np.array(weight)[:, kept],
-    )
+    return np.array(rows, dtype=COUPLING), np.array(nodes)[:, kept], np.array(weight)[:, kept]
 
 
 def _corners_in_use(weight: np.ndarray) -> list[int]:

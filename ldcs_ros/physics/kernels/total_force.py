@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ldcs_ros.physics import arm
-from ldcs_ros.physics.arm import NO_CHAINS, NO_COUPLINGS, ArmChains, Couplings
+from ldcs_ros.physics.arm import NO_ARMS, ArmTables
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled, compiled_fast
 from ldcs_ros.physics.contact import PlaneContact
 from ldcs_ros.physics.effects.arms import ArmsTerm
@@ -53,8 +53,7 @@ class ForceTables(NamedTuple):
         drag: Force of a node by its squared speed [N s^2/m^2], shape (n_nodes,), or (0,) without drag.
         contact_at: Vertical coordinate of each contact, shape (n_contacts,).
         contact: Height [m], stiffness [N/m], damping [s/m], width [m], shape (4, n_contacts).
-        chains: The arms' chains.
-        couplings: The springs between arms and sheet.
+        arms: The tables of the arms.
     """
 
     family: np.ndarray
@@ -62,8 +61,7 @@ class ForceTables(NamedTuple):
     drag: np.ndarray
     contact_at: np.ndarray
     contact: np.ndarray
-    chains: ArmChains
-    couplings: Couplings
+    arms: ArmTables
 
 
 @compiled_fast
@@ -133,13 +131,27 @@ def add_total_force(tables, drive, q, u, scratch, force):  # type: ignore[no-unt
         for e in range(n):
             force[3 * e + axis] = f[axis, e]
     _add_contact(q, u, tables.contact_at, tables.contact, force)
-    links = tables.chains.length.shape[1]
+    table = tables.arms
+    links = table.links.shape[1]
     if links > 0:
         first = 3 * n
         phi, rate = q[first:].reshape(-1, links), u[first:].reshape(-1, links)
         torque = force[first:].reshape(-1, links)
-        arm.add_chain_force(phi, rate, tables.chains, drive, torque)
-        arm.add_coupling_force(q, u, phi, rate, tables.chains, tables.couplings, force, torque)
+        arm.add_chain_force(phi, rate, table.arms, table.links, drive, torque)
+        arm.add_coupling_force(
+            q,
+            u,
+            phi,
+            rate,
+            table.arms,
+            table.links,
+            table.ribs,
+            table.couplings,
+            table.nodes,
+            table.weight,
+            force,
+            torque,
+        )
 
 
 class TotalForce:
@@ -210,7 +222,7 @@ def _tables(model: Model) -> ForceTables:
     n = model.lattice.n_nodes
     family, spring, drag = np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, n)), np.zeros(0)
     contact_at, contact = [np.zeros(0, dtype=np.int64)], [np.zeros((4, 0))]
-    chains, couplings = NO_CHAINS, NO_COUPLINGS
+    arms = NO_ARMS
     for term in model.terms:
         if isinstance(term, AxialTerm):
             family, spring = _families(term, n)
@@ -221,15 +233,14 @@ def _tables(model: Model) -> ForceTables:
             row = np.array([term.height, term.stiffness, term.damping, term.contact_width])
             contact.append(np.tile(row[:, None], len(term.vertical)))
         elif isinstance(term, ArmsTerm):
-            chains, couplings = term.chains, term.couplings
+            arms = term.tables
     return ForceTables(
         family,
         spring,
         drag,
         np.concatenate(contact_at),
         np.concatenate(contact, axis=1),
-        chains,
-        couplings,
+        arms,
     )
 
 

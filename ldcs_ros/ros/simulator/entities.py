@@ -96,7 +96,7 @@ def link_kinematics(arms: ArmsTerm, q: np.ndarray, angles: Derivatives) -> Kinem
         angles: Angles to the arms' lines on the flat sheet [rad], shape (n_arms, n_links), and their derivatives.
     """
     phi, rate, bend = angles
-    dx, dy = (arms.chains.direction[:, axis, None] for axis in (0, 1))
+    dx, dy = (arms.tables.arms[name][:, None] for name in ("direction_x", "direction_y"))
     along, up, zero = np.cos(phi), np.sin(phi), np.zeros_like(phi)
     axis = np.stack([dx * along, dy * along, up], axis=-1)
     normal = np.stack([-dx * up, -dy * up, along], axis=-1)
