@@ -148,7 +148,7 @@ def _verdict_lines(done: Replay) -> list[tuple[str, str]]:
         apart = f"nodes at most {verdict.largest:.1e} m apart, {verdict.allowed:.1e} m allowed"
     differing = (
         "; ".join(verdict.differing)
-        or "versions and platform are the same: another processor, or changed code"
+        or "versions and platform are the same; the cause is not established (another processor, or changed code)"
     )
     return [
         ("verdict", f"{'passed' if verdict.passed else 'FAILED'}: not the same bytes, {apart}"),

@@ -15,6 +15,13 @@ LEAST_OVERLAP = 0.5
 BELIEVED = 0.5
 COARSE_STEPS = 400
 FINE_STEPS = 20
+# Minima of the coarse search that are refined, and how much more of the variance than at the lowest may remain there.
+MOST_MINIMA = 12
+NEAR_REST = 0.1
+# Refined minima are equal if so much more of the variance remains, or so much more of what remains at the lowest.
+EQUAL_REST = 0.005
+EQUAL_RATIO = 0.1
+MOST_ALTERNATIVES = 4
 # Times of a channel that each offset is tried at.
 MOST_TIMES = 1000
 # Motion below this carries no information about time.
@@ -31,6 +38,7 @@ class Offset:
         uncertainty: Standard deviation of the estimate, for differences without memory [s].
         unexplained: Fraction of the motion's variance that remains at the estimate, 0 ... 1.
         channels: Channels that it rests on.
+        alternatives: Other offsets that explain a periodic motion as well, the nearest first [s].
         reason: Reason of this value, in words.
     """
 
@@ -39,6 +47,7 @@ class Offset:
     uncertainty: float | None = None
     unexplained: float | None = None
     channels: tuple[str, ...] = ()
+    alternatives: tuple[float, ...] = ()
     reason: str = ""
 
 
@@ -50,7 +59,8 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
 
     The criterion is the variance of the differences over that of the values. A coarse search covers all offsets that
     leave enough in common. A fine search around the best one also fits the size of each component, because a motion
-    that is too large is no error of a clock.
+    that is too large is no error of a clock. A periodic motion has several equal minima: the smallest offset is used,
+    and the others are named.
     """
     moving = _informative(pairs)
     if not moving:
@@ -58,15 +68,12 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     scaled = [(pair, _motion(pair[0]) + _motion(pair[1])) for pair in moving.values()]
     first, last = _range(list(moving.values()))
     step = (last - first) / COARSE_STEPS
-    best = _best(scaled, first + step * np.arange(COARSE_STEPS + 1), with_gain=False)
-    best = _best(scaled, best + step * np.arange(-FINE_STEPS, FINE_STEPS + 1), with_gain=True)
-    found = minimize_scalar(
-        lambda shift: _unexplained(scaled, best + shift, with_gain=True),
-        bounds=(-step, step),
-        method="bounded",
-        options={"xatol": 1e-6},
-    )
-    best += float(found.x)
+    offsets = first + step * np.arange(COARSE_STEPS + 1)
+    remaining = np.array([_unexplained(scaled, float(offset), with_gain=False) for offset in offsets])
+    found = [_refined(scaled, float(offsets[k]), step) for k in _minima(remaining)]
+    least = min(rest for _, rest in found)
+    equal = [offset for offset, rest in found if rest <= least + max(EQUAL_REST, EQUAL_RATIO * least)]
+    best, *others = sorted(equal, key=abs)
     rest = _unexplained(scaled, best, with_gain=False)
     channels = tuple(moving)
     if rest > BELIEVED:
@@ -76,11 +83,42 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
             None,
             rest,
             channels,
-            "the two motions have too little in common: 0 is assumed",
+            reason="the two motions have too little in common: 0 is assumed",
         )
+    alternatives: list[float] = []
+    for other in others:
+        if all(abs(other - known) > 2.0 * step for known in (best, *alternatives)):
+            alternatives.append(other)
     return Offset(
-        best, best, _uncertainty(list(moving.values()), best), rest, channels, "estimated from motion"
+        best,
+        best,
+        _uncertainty(list(moving.values()), best),
+        rest,
+        channels,
+        tuple(alternatives[:MOST_ALTERNATIVES]),
+        "estimated from motion",
     )
+
+
+def _minima(remaining: np.ndarray) -> list[int]:
+    """Return the lowest minima of the coarse search, the lowest first."""
+    padded = np.concatenate(([np.inf], remaining, [np.inf]))
+    lowest = np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]))
+    ordered = lowest[np.argsort(remaining[lowest], kind="stable")][:MOST_MINIMA]
+    return [int(k) for k in ordered if remaining[k] <= remaining[ordered[0]] + NEAR_REST]
+
+
+def _refined(scaled: list[tuple[Pair, float]], coarse: float, step: float) -> tuple[float, float]:
+    """Return the offset of the minimum near a coarse one, and the fraction of the variance that remains there."""
+    best = _best(scaled, coarse + step * np.arange(-FINE_STEPS, FINE_STEPS + 1), with_gain=True)
+    found = minimize_scalar(
+        lambda shift: _unexplained(scaled, best + shift, with_gain=True),
+        bounds=(-step, step),
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    best += float(found.x)
+    return best, _unexplained(scaled, best, with_gain=True)
 
 
 def _best(scaled: list[tuple[Pair, float]], offsets: np.ndarray, *, with_gain: bool) -> float:

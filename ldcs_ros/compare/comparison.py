@@ -12,6 +12,7 @@ from ldcs_ros.compare.difference import (
     ErrorStatistics,
     FieldDifference,
     channel_difference,
+    coverage,
     field_difference,
 )
 from ldcs_ros.compare.tolerances import Check, Tolerances, check
@@ -20,6 +21,9 @@ from ldcs_ros.signals import Mapping
 from ldcs_ros.signals.signals import Signals, read_signals
 
 SURFACE = "surface"
+LEAST_SAMPLES = 5
+LEAST_COVERAGE = 0.8
+"""Samples, and fraction of the overlap that they cover, from which on a channel counts against limits."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +101,13 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
     offset = _offset(pairs, a, b, options)
     length = options.side_length or a.side_length or b.side_length
     channels = {}
+    start, end = _overlap(a, b, pairs, offset.value)
     for name, (ours, theirs) in pairs.items():
         found = channel_difference(
             name, ours, theirs, offset.value, side_length=length, relative=options.relative
         )
         if found is not None:
-            channels[name] = found
+            channels[name] = replace(found, coverage=coverage(found.time, start, end))
     surface = None
     if a.surface is not None and b.surface is not None:
         surface = field_difference(a.surface, b.surface, offset.value, side_length=length)
@@ -114,7 +119,31 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
     comparison = Comparison(a, b, offset, channels, surface, length, options.relative, _only(a, b))
     if not options.tolerances:
         return comparison
-    return replace(comparison, checks=tuple(check(options.tolerances, _statistics(comparison))))
+    problems = {name: words for name, channel in channels.items() if (words := uncounted(channel))}
+    checks = check(options.tolerances, _statistics(comparison), problems)
+    return replace(comparison, checks=tuple(checks))
+
+
+def _overlap(a: Signals, b: Signals, pairs: dict[str, Pair], offset: float) -> tuple[float, float]:
+    """Return the time that both recordings cover with what they have in common, on A's clock [s]."""
+    ours, theirs = [pair[0].time for pair in pairs.values()], [pair[1].time for pair in pairs.values()]
+    if a.surface is not None and b.surface is not None:
+        ours, theirs = [*ours, a.surface.time], [*theirs, b.surface.time]
+    if not ours:
+        return 0.0, 0.0
+    start = max(min(time[0] for time in ours), min(time[0] for time in theirs) - offset)
+    end = min(max(time[-1] for time in ours), max(time[-1] for time in theirs) - offset)
+    return float(start), float(end)
+
+
+def uncounted(channel: ChannelDifference) -> str:
+    """Return the reason for which a channel does not count against limits; '' if it counts."""
+    if len(channel.time) >= LEAST_SAMPLES and channel.coverage >= LEAST_COVERAGE:
+        return ""
+    return (
+        f"{len(channel.time)} samples over {100.0 * channel.coverage:.0f} % of the overlap do not count, "
+        f"expected {LEAST_SAMPLES} or more over {100.0 * LEAST_COVERAGE:.0f} %"
+    )
 
 
 def _offset(pairs: dict[str, Pair], a: Signals, b: Signals, options: Options) -> Offset:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.schema.units import TIME_TOLERANCE
-from ldcs_ros.signals.series import Series, at_times, curve, resample_common
+from ldcs_ros.signals.series import GAP_PERIODS, Series, at_times, curve, resample_common
 from ldcs_ros.signals.signals import surface_values
 from ldcs_ros.signals.tracks import SurfaceTrack
 
@@ -47,6 +47,7 @@ class ChannelDifference:
         a, b: Values there, shape (n, k).
         statistics: Component name -> statistics; 'distance' for the length of a difference in space.
         skipped: Times left out because the other side was silent there.
+        coverage: Fraction of the recordings' overlap that its times cover without a gap, 0 ... 1.
     """
 
     name: str
@@ -56,11 +57,24 @@ class ChannelDifference:
     b: np.ndarray
     statistics: dict[str, ErrorStatistics]
     skipped: int
+    coverage: float = 1.0
 
     @property
     def overall(self) -> ErrorStatistics:
         """The statistics of the whole: of the distance, or of the only component."""
         return self.statistics.get("distance") or next(iter(self.statistics.values()))
+
+
+def coverage(time: np.ndarray, start: float, end: float) -> float:
+    """Return the fraction of the time from `start` to `end` [s] that ascending times [s] cover without a gap."""
+    length = end - start
+    if length <= TIME_TOLERANCE:
+        return 1.0
+    if len(time) < 2:
+        return 0.0
+    steps = np.diff(np.concatenate(([start], time, [end])))
+    gaps = steps[steps > GAP_PERIODS * np.median(np.diff(time))]
+    return float(max(0.0, 1.0 - gaps.sum() / length))
 
 
 def channel_difference(

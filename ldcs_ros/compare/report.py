@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros.compare.comparison import SURFACE, Comparison
+from ldcs_ros.compare.alignment import Offset
+from ldcs_ros.compare.comparison import SURFACE, Comparison, uncounted
 from ldcs_ros.compare.difference import ChannelDifference, ErrorStatistics
 from ldcs_ros.compare.formatting import milliseconds, number, percent, unit
 
@@ -30,9 +31,16 @@ def offset_lines(comparison: Comparison) -> list[str]:
             f"{percent(offset.unexplained)} of the motion's variance remain unexplained then "
             f"({len(offset.channels)} channels that move)."
         )
+        if offset.alternatives:
+            lines.append(f"The motion is periodic: the offset {alternatives(offset)}.")
     elif not offset.reason.startswith("nothing"):
         lines.append("Nothing moves enough in both to estimate it.")
     return lines
+
+
+def alternatives(offset: Offset) -> str:
+    """Return the other offsets that fit as well, in words."""
+    return "could also be " + ", ".join(milliseconds(one) for one in offset.alternatives)
 
 
 def write_report(comparison: Comparison, folder: Path, pictures: Sequence[Path]) -> Path:
@@ -69,7 +77,10 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
         for channel in comparison.channels.values()
         if channel.skipped
     ]
-    notes = [*comparison.only, *skipped, *warnings]
+    sparse = [
+        f"{name}: {words}" for name, channel in comparison.channels.items() if (words := uncounted(channel))
+    ]
+    notes = [*comparison.only, *skipped, *sparse, *warnings]
     if notes:
         lines += ["## Remarks", "", *(f"- {line}" for line in notes), ""]
     for picture in pictures:
@@ -93,6 +104,7 @@ def as_dict(comparison: Comparison, files: Iterable[str]) -> dict[str, Any]:
                 "unit": channel.unit,
                 "samples": len(channel.time),
                 "skipped": channel.skipped,
+                "coverage": channel.coverage,
                 "start": float(channel.time[0]),
                 "end": float(channel.time[-1]),
                 "figures": {axis or "value": asdict(found) for axis, found in channel.statistics.items()},
@@ -120,12 +132,14 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
     """Return the lines that the command line prints."""
     offset = comparison.offset
     clock = f"{milliseconds(offset.value)} ({offset.reason})"
+    if offset.alternatives:
+        clock += f"; periodic: {alternatives(offset)}"
     if offset.estimate is not None and offset.estimate != offset.value:
         clock += f"; by the motion {milliseconds(offset.estimate)}"
     lines = [("clock offset", clock)]
     for name, channel in comparison.channels.items():
         if not name.startswith("joint/"):
-            lines.append((name, _sentence(channel.overall, channel.unit)))
+            lines.append((name, f"{_sentence(channel.overall, channel.unit)}, {_samples(channel)}"))
     joints = [channel for name, channel in comparison.channels.items() if name.startswith("joint/")]
     if joints:
         worst = max(joints, key=lambda channel: channel.overall.max)
@@ -139,13 +153,20 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
             lines.append(
                 (
                     "FAILED",
-                    f"{one.channel} {one.figure} {number(one.value, one.unit)} > {_limit(one.limit, one.unit)}",
+                    f"{one.channel} {one.figure}: {one.problem}"
+                    if one.problem
+                    else f"{one.channel} {one.figure} {number(one.value, one.unit)} > "
+                    f"{_limit(one.limit, one.unit)}",
                 )
             )
     if comparison.checks:
         kept = sum(one.passed for one in comparison.checks)
         lines.append(("limits", f"{kept} of {len(comparison.checks)} kept"))
     return lines
+
+
+def _samples(channel: ChannelDifference) -> str:
+    return f"{len(channel.time)} samples over {100.0 * channel.coverage:.0f} % of the overlap"
 
 
 def _sentence(found: ErrorStatistics, si: str) -> str:
@@ -240,7 +261,7 @@ def _checks(comparison: Comparison) -> list[str]:
             one.figure,
             f"{number(one.value, one.unit)} {unit(one.unit)}".strip(),
             _limit(one.limit, one.unit),
-            "kept" if one.passed else "**broken**",
+            "kept" if one.passed else f"**broken**{': ' if one.problem else ''}{one.problem}",
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return [*lines, ""]

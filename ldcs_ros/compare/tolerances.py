@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -40,6 +40,7 @@ class Check:
         value: Value found, in SI.
         limit: Largest allowed magnitude, in SI.
         unit: Unit of both, '' for a ratio.
+        problem: Reason for which the value does not count; '' if it counts.
     """
 
     channel: str
@@ -47,11 +48,12 @@ class Check:
     value: float
     limit: float
     unit: str
+    problem: str = ""
 
     @property
     def passed(self) -> bool:
-        """The magnitude keeps the limit; NaN does not."""
-        return abs(self.value) <= self.limit
+        """The value counts, and its magnitude keeps the limit; NaN does not."""
+        return not self.problem and abs(self.value) <= self.limit
 
 
 Tolerances = dict[str, dict[str, float]]
@@ -79,12 +81,17 @@ def load_tolerances(path: str | os.PathLike[str]) -> Tolerances:
     return tolerances
 
 
-def check(tolerances: Tolerances, compared: Iterable[tuple[str, ErrorStatistics, str]]) -> list[Check]:
+def check(
+    tolerances: Tolerances,
+    compared: Iterable[tuple[str, ErrorStatistics, str]],
+    problems: Mapping[str, str] | None = None,
+) -> list[Check]:
     """Return every limit with the value found.
 
     Args:
         tolerances: The limits.
         compared: Channels that were compared, `P1` and `P1.x` alike: name, statistics, unit.
+        problems: Channels that do not count, without axis -> reason.
 
     Raises:
         ToleranceError: A pattern fits no channel, so that nothing would be checked.
@@ -104,7 +111,7 @@ def check(tolerances: Tolerances, compared: Iterable[tuple[str, ErrorStatistics,
             for figure, limit in limits.items():
                 value = getattr(found, figure)
                 ratio = figure == "normalised_rms"
-                checks.append(
-                    Check(name, figure, math.nan if value is None else value, limit, "" if ratio else unit)
-                )
+                problem = (problems or {}).get(name.split(".")[0], "")
+                found_value = math.nan if value is None else value
+                checks.append(Check(name, figure, found_value, limit, "" if ratio else unit, problem))
     return checks

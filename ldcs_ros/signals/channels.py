@@ -106,7 +106,7 @@ class ChannelReport:
         if self.clock_steps:
             steps = ", ".join(f"{step:+.3f} s" for step in self.clock_steps[:MOST_WARNED])
             lines.append(
-                f"the clock of the stamps was set {len(self.clock_steps)} times ({steps}), taken out"
+                f"the clock of the stamps was set {len(self.clock_steps)} time(s) ({steps}), taken out"
             )
         return lines
 

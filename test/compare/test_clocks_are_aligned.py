@@ -84,3 +84,28 @@ def test_two_runs_in_simulation_time_are_not_shifted(run, softer):
     given = compare(read_bag(run), read_bag(softer), Options(offset=0.05))
     assert given.offset.value == 0.05 and given.offset.reason == "given"
     assert given.channels["P1"].overall.rms > result.channels["P1"].overall.rms
+
+
+@pytest.mark.parametrize("late", [0.1, -0.3, 0.0])
+def test_a_periodic_motion_gives_the_smallest_offset_and_names_the_others(late):
+    time, draw = np.arange(0.0, 6.0, 0.02), np.random.default_rng(4)
+
+    def swing(at, lead):
+        value = 0.02 * np.sin(2.0 * np.pi * (at - lead))[:, None] * [1.0, 0.0, 0.5]
+        return Series(at, value + draw.normal(0.0, 1e-4, value.shape), AXES, "m", False)
+
+    found = estimate_offset({"P1": (swing(time, 0.0), swing(time, late))})
+    assert found.value == pytest.approx(late, abs=2e-3)
+    expected = sorted((late + k for k in (-2.0, -1.0, 1.0, 2.0)), key=abs)
+    assert found.alternatives[:2] == pytest.approx(expected[:2], abs=5e-3)
+
+
+def test_a_motion_that_does_not_repeat_has_no_other_offset():
+    time = np.arange(0.0, 6.0, 0.02)
+
+    def step(lead):
+        value = 0.02 * np.tanh(time - 2.0 - lead)[:, None] * [1.0, 0.0, 0.5]
+        return Series(time, value, AXES, "m", False)
+
+    found = estimate_offset({"P1": (step(0.0), step(0.4))})
+    assert found.value == pytest.approx(0.4, abs=2e-3) and found.alternatives == ()

@@ -1,0 +1,65 @@
+"""Commands of a rig act at the right times whatever the clocks of its stamps and of its recorder do."""
+
+from __future__ import annotations
+
+import pytest
+from rig_bag import WALL, fluid, write
+
+from ldcs_ros.bags import read_bag
+from ldcs_ros.errors import RecordingError
+from ldcs_ros.messages.cdr import decode
+from ldcs_ros.replay.session import Changes, replay
+from ldcs_ros.signals.mapping import parse_mapping
+
+SECOND = 10**9
+COMMAND = {"topic": "/l", "to": "pressure_command", "arms": ["left"]}
+
+
+def fed(tmp_path, scene, messages, **options):
+    """Return (time [s], pressure of the left arm [kPa]) of each command that a replay applied, and its report."""
+    source = write(
+        tmp_path / "rig", [("/l", log, fluid(stamp, 101325.0 + 1e3 * kpa)) for log, stamp, kpa in messages]
+    )
+    mapping = parse_mapping({"commands": [COMMAND], "initial": "start", **options})
+    done = replay(source, tmp_path / "twin", changes=Changes(scene=scene), mapping=mapping)
+    applied = [
+        (round(message.time / 1e9, 6), round(decode(message.type, message.cdr).data[0] / 1e3))
+        for message in read_bag(tmp_path / "twin").channels["/ldcs/pressure_command"].raw
+    ]
+    return applied, done.reports[0]
+
+
+@pytest.mark.parametrize("time", ["log", "stamp"])
+@pytest.mark.parametrize("stamp", [lambda log: WALL - 5 * SECOND, lambda log: log // SECOND * SECOND])
+def test_commands_of_one_stamp_and_one_content_are_all_applied(tmp_path, pneumatic, time, stamp):
+    period = SECOND // 10
+    logs = [WALL // SECOND * SECOND + k * period for k in range(5)]
+    sent = [(log, stamp(log), kpa) for log, kpa in zip(logs, (20, 60, 20, 60, 20), strict=True)]
+    applied, _ = fed(tmp_path, pneumatic, sent, time=time)
+    assert applied == [(round(0.1 * k, 6), kpa) for k, kpa in enumerate((20, 60, 20, 60, 20))]
+
+
+def test_one_stamp_that_was_not_set_moves_no_command(tmp_path, pneumatic):
+    sent = [(WALL + k * SECOND // 100, k * SECOND // 100, 20 if k < 10 else 50) for k in range(30)]
+    applied, report = fed(tmp_path, pneumatic, sent, time="stamp")
+    assert applied == [(0.0, 20), (0.1, 50)]
+    assert (report.unstamped, report.out_of_order, report.late) == (1, 0, 0)
+
+
+def test_a_clock_that_is_set_moves_no_command(tmp_path, pneumatic):
+    sent = [
+        (WALL + k * SECOND // 100, k * SECOND // 100 + (5 * SECOND if k < 20 else WALL), 20 if k < 10 else 50)
+        for k in range(40)
+    ]
+    applied, report = fed(tmp_path, pneumatic, sent, time="stamp")
+    assert applied == [(0.0, 20), (0.1, 50)]
+    assert report.clock_steps == (pytest.approx((WALL - 5 * SECOND) / SECOND),)
+
+
+def test_a_first_log_time_of_zero_is_refused_before_the_run(tmp_path, pneumatic):
+    sent = [(0, WALL, 20), *((WALL + k * SECOND // 10, WALL, 50) for k in range(5))]
+    with pytest.raises(
+        RecordingError, match=r"spans 56.7 years, but is silent for 56.7 years after its first 0.000 s"
+    ):
+        fed(tmp_path, pneumatic, sent)
+    assert not (tmp_path / "twin").exists()

@@ -1,0 +1,96 @@
+"""Header stamps that are unset, stuck, coarse, or of a clock that was set still give the right times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ldcs_ros.signals.channels import ChannelReport
+from ldcs_ros.signals.stamps import SECOND, on_recorders_clock
+
+WALL = 1_700_000_000 * SECOND
+MS = SECOND // 1000
+
+
+def found(stamps, logs, copies=False):
+    return on_recorders_clock(
+        np.array(stamps, dtype=np.int64), np.array(logs, dtype=np.int64), np.full(len(logs), copies)
+    )
+
+
+def logs(count, period):
+    return [WALL + k * period for k in range(count)]
+
+
+@pytest.mark.parametrize("lead", [0, 5 * SECOND, -WALL + SECOND])
+def test_a_stamp_that_never_changes_gives_way_to_the_log_time(lead):
+    times = found([WALL + lead] * 5, logs(5, SECOND // 2))
+    assert times.time.tolist() == logs(5, SECOND // 2)
+
+
+@pytest.mark.parametrize("period", [250 * MS, 300 * MS, 1300 * MS])
+def test_stamps_in_whole_seconds_give_way_to_log_times(period):
+    recorded = [time + 100 * MS for time in logs(20, period)]
+    times = found([time // SECOND * SECOND for time in recorded], recorded)
+    assert times.time.tolist() == recorded and not times.usable.any()
+
+
+def test_stamps_that_happen_to_be_whole_seconds_are_kept():
+    recorded = [time + 3 * MS for time in logs(10, SECOND)]
+    assert found(logs(10, SECOND), recorded).time.tolist() == logs(10, SECOND)
+
+
+@pytest.mark.parametrize("unset", [0, 7, 149])
+def test_one_unset_stamp_of_another_clock_moves_no_other(unset):
+    stamps = [k * 10 * MS for k in range(1, 151)]
+    stamps[unset] = 0
+    times = found(stamps, logs(150, 10 * MS))
+    assert times.time.tolist() == logs(150, 10 * MS)
+    assert times.usable.sum() == 149 and times.clock_offset == 10 * MS - WALL
+
+
+@pytest.mark.parametrize(
+    ("first", "then"), [(5 * SECOND - WALL, 0), (0, -3600 * SECOND), (-60 * SECOND, 7 * SECOND)]
+)
+def test_a_clock_that_is_set_moves_no_message(first, then):
+    recorded = logs(150, 10 * MS)
+    stamps = [time - 2 * MS + (first if k < 70 else then) for k, time in enumerate(recorded)]
+    times = found(stamps, recorded)
+    assert np.abs(times.time - recorded).max() <= 2 * MS
+    assert times.clock_steps == (then - first,)
+
+
+def test_a_late_message_keeps_its_stamp_and_one_from_the_future_does_not():
+    recorded = logs(50, 20 * MS)
+    stamps = list(recorded)
+    stamps[20] -= 3 * SECOND
+    stamps[30] += 3 * SECOND
+    times = found(stamps, recorded)
+    assert times.time[20] == stamps[20] and times.time[30] == recorded[30]
+    assert not times.clock_steps and times.clock_offset is None
+
+
+def test_messages_that_were_held_up_and_come_at_once_are_late_and_no_step_of_a_clock():
+    recorded = logs(200, 20 * MS)
+    stamps = list(recorded)
+    recorded[50:150] = [recorded[149]] * 100
+    times = found(stamps, recorded)
+    assert times.time.tolist() == stamps and not times.clock_steps
+
+
+def test_a_copy_of_a_message_holds_at_the_stamp_of_the_first():
+    stamps = [stamp for stamp in logs(40, 20 * MS) for _ in range(2)]
+    recorded = [stamp + (k % 2) * 8 * MS for k, stamp in enumerate(stamps)]
+    assert found(stamps, recorded, copies=True).time.tolist() == stamps
+    assert found(stamps, recorded, copies=False).usable.sum() == 40
+
+
+@pytest.mark.parametrize("length", [0.2, 2.0, 200.0])
+def test_a_silence_is_counted_whatever_its_length(length):
+    report = ChannelReport("/v")
+    times = [WALL + k * 20 * MS for k in range(50)]
+    times += [times[-1] + round(length * SECOND) + k * 20 * MS for k in range(50)]
+    report.count_gaps(np.array(times), None, WALL)
+    assert report.silences == ((pytest.approx(0.98), pytest.approx(length)),)
+    assert report.missing == round(length / 0.02) - 1
+    assert f"a silence of {length:.3g} s at 0.980 s" in report.warnings()[0]
