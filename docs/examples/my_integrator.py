@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ldcs_ros import load_scene
 from ldcs_ros.integrators import INTEGRATORS
 from ldcs_ros.integrators.explicit import Course, Explicit, stable_radius
 from ldcs_ros.integrators.spectrum import FastestMode
+from ldcs_ros.physics.inputs import HeldCommands
 
 
 class Heun(Explicit):
@@ -25,7 +26,7 @@ class Heun(Explicit):
         radius = stable_radius(lambda z: 1.0 + z + 0.5 * z * z, mode, most=2.0)
         return radius / mode.spectral_radius if mode.spectral_radius > 0.0 else radius
 
-    def part(self, course: Course, inputs: Any, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
         """Move the course on by h; return how far Euler's step was off, as the estimated error."""
         model, free = self.model, self.model.free
         q0, u0, a0 = course.q[free], course.u[free], course.a

@@ -256,7 +256,7 @@ class Run:
                 given["record"] = self.folder / str(given["record"])
             self.start(**given)
         if phase in (IDLE, HELD, MIRROR):
-            ready = self.until(lambda: self._answers() or self.bridge.exit_status is not None, START_TIME)
+            ready = self.until(lambda: self.answers() or self.bridge.exit_status is not None, START_TIME)
             self.require(ready and self.bridge.exit_status is None, "the bridge did not start")
             return
         if phase == RAMP:
@@ -285,7 +285,8 @@ class Run:
             self.mark()
             self.seen_since = self.reference - 2.1
 
-    def _answers(self) -> bool:
+    def answers(self) -> bool:
+        """Return whether the bridge has printed a line of its status."""
         return any(" s " in line or "live" in line for line in self.bridge.text())
 
     def _judge(self) -> Row:
@@ -378,7 +379,7 @@ class Run:
         faults = tuple(dict.fromkeys(self.faults))
         return Row(event.what, event.transport, event.phase, event.outcome, zero, empty, seen, status, faults)
 
-    def _device(self) -> Any:
+    def _device(self) -> Any:  # noqa: ANN401  # a device of each transport
         if self.event.transport == "modbus":
             return Island()
         if self.event.transport == "serial":

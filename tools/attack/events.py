@@ -205,7 +205,7 @@ def killed_then(again: Act) -> Act:
 def restart_disarm(run: Run) -> None:
     """Start a bridge again and disarm."""
     run.start()
-    run.until(lambda: run._answers() or run.bridge.exit_status is not None, 20.0)
+    run.until(lambda: run.answers() or run.bridge.exit_status is not None, 20.0)
     run.operator.disarm()
 
 

@@ -24,13 +24,14 @@ class Place:
 
     def nodes(self, grid: np.ndarray) -> np.ndarray:
         """Return the block's nodes, given (layer, i, j) of all nodes, shape (n, 3)."""
-        return self._within(grid, 0)
+        return self.within(grid, 0)
 
     def patch(self, grid: np.ndarray) -> np.ndarray:
         """Return the nodes of both layers up to one cell away, shape (n,)."""
-        return Place((0, 1), self.columns, self.rows)._within(grid, 1)
+        return Place((0, 1), self.columns, self.rows).within(grid, 1)
 
-    def _within(self, grid: np.ndarray, reach: int) -> np.ndarray:
+    def within(self, grid: np.ndarray, reach: int) -> np.ndarray:
+        """Return the nodes of its layers up to `reach` cells away, shape (n,)."""
         layer, i, j = grid.T
         near = np.isin(layer, self.layers)
         near &= (i >= min(self.columns) - reach) & (i <= max(self.columns) + reach)
