@@ -8,14 +8,12 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.scene import Scene
+from ldcs_ros.simulation.simulation import Simulation
 
-PRESSURES = tuple((fraction, fraction) for fraction in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)) + (
-    (0.7, 0.4),
-    (0.4, 0.7),
-    (0.8, 0.6),
-    (0.6, 0.8),
-)
-"""Gauge pressures left and right, as fractions of the scene's limit."""
+COMMON_PRESSURES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Gauge pressures of all arms alike, as fractions of their limits."""
+SINGLE_PRESSURES = ((0.7, 0.4), (0.8, 0.6))
+"""Gauge pressures of one arm and of the others, likewise."""
 GRAVITY = 9.81
 LOADS = (0.0, 0.3)
 STIFFNESSES = (0.8, 1.25)
@@ -32,22 +30,33 @@ def equilibria(scene: Scene, point: str) -> np.ndarray:
         DivergenceError: Hardly any equilibrium was found.
     """
     found = []
-    limit = float(scene.effect("arms").pressure_limit)
+    patterns: list[np.ndarray] = []
     for stiffness, load in itertools.product(STIFFNESSES, LOADS):
         simulation = loaded(scene, point, load / GRAVITY, stiffness).build()
-        for fraction in PRESSURES:
-            simulation.inputs.set_pressure(tuple(limit * one for one in fraction))
+        patterns = pressure_patterns(simulation)
+        for pattern in patterns:
+            simulation.inputs.set_pressure(pattern)
             try:
                 simulation.settle()
             except DivergenceError:
                 continue
-            state = simulation.state
-            found.append(np.concatenate([state.position.ravel(), state.link_angle.ravel()]))
-    if len(found) < len(PRESSURES):
+            found.append(simulation.last_step.at(simulation.time, simulation.model).q)
+    if len(found) < len(patterns):
         raise DivergenceError(
             "the scene comes to rest under hardly any load: there are no modes to estimate with"
         )
     return np.array(found)
+
+
+def pressure_patterns(simulation: Simulation) -> list[np.ndarray]:
+    """Return gauge pressures of all arms [Pa], shape (n_arms,) each: all alike, then each arm beside the others."""
+    arms = simulation.model.arms
+    assert arms is not None
+    limit = np.array([own.pressure_limit for own in arms.each])
+    patterns = [fraction * limit for fraction in COMMON_PRESSURES]
+    for one, others in SINGLE_PRESSURES:
+        patterns += [np.where(unit > 0.0, one, others) * limit for unit in np.eye(len(limit))]
+    return patterns
 
 
 def main_directions(samples: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -60,21 +60,22 @@ class ReducedModel:
         self._still = np.zeros(len(mean))
         self._lay_out()
         self._springs = next((term for term in self.model.terms if term.name == "springs"), None)
-        nodes = self.simulation.points[point].nodes
+        carrier = self.simulation.points[point]
+        nodes = carrier.nodes
         weight = np.zeros(len(mean))
-        weight[3 * nodes + 2] = -1.0 / len(nodes)
+        weight[3 * nodes + 2] = -carrier.fraction
         self._weight = self._basis @ weight[free]
         carried = np.zeros((3, len(mean)))
         for axis in range(3):
-            carried[axis, 3 * nodes + axis] = 1.0 / len(nodes)
+            carried[axis, 3 * nodes + axis] = carrier.fraction
         carried_basis = self._basis @ carried[:, free].T
         self._carried_mass = carried_basis @ carried_basis.T / GRAVITY
         self._mass = np.array([self._basis @ self.model.momentum(mean, row) for row in self._basis])
-        arms = scene.effect("arms")
-        self._times = (arms.fill_time, arms.vent_time)
-        unit = self._held(np.array([1.0, 0.0])), self._held(np.array([0.0, 1.0])), self._held(np.zeros(2))
-        forces = [self.model.force(0.0, mean, self._still, held) for held in unit]
-        self.drive = np.stack([self._basis @ (forces[i] - forces[2]) for i in range(2)], axis=1)
+        n_arms = len(self.simulation.arm_names)
+        self._no_pressure = self._held(np.zeros(n_arms))
+        vented = self.model.force(0.0, mean, self._still, self._no_pressure)
+        forces = [self.model.force(0.0, mean, self._still, self._held(unit)) for unit in np.eye(n_arms)]
+        self.drive = np.stack([self._basis @ (force - vented) for force in forces], axis=1)
 
     def coordinates(self, a: np.ndarray) -> np.ndarray:
         """Return all coordinates [m, rad] of reduced ones, shape (n_coordinates,)."""
@@ -90,11 +91,10 @@ class ReducedModel:
 
     def place(self, point: str) -> tuple[np.ndarray, np.ndarray]:
         """Return offset, shape (3,), and matrix, shape (3, n), of a point's position in reduced coordinates [m]."""
-        nodes = self.simulation.points[point].nodes
-        count = 3 * self.model.lattice.n_nodes
-        mean = self._mean[:count].reshape(-1, 3)[nodes].mean(axis=0)
-        matrix = self._directions[:, :count].reshape(self.n, -1, 3)[:, nodes].mean(axis=1).T
-        return mean, matrix
+        stencil, count = self.simulation.points[point].stencil, 3 * self.model.lattice.n_nodes
+        directions = self._directions[:, :count].reshape(self.n, -1, 3)
+        matrix = np.stack([stencil.mean(direction) for direction in directions], axis=1)
+        return stencil.mean(self._mean[:count].reshape(-1, 3)), matrix
 
     def mass(self, theta: np.ndarray) -> np.ndarray:
         """Return the reduced mass matrix under parameters, shape (n, n)."""
@@ -153,7 +153,7 @@ class ReducedModel:
         if self._springs is None:
             return np.zeros(self.n)
         force = np.zeros(len(q))
-        self._springs.add_force(0.0, q, self._still, self._held(np.zeros(2)), force)
+        self._springs.add_force(0.0, q, self._still, self._no_pressure, force)
         return np.array(self._basis @ force[self.model.free])
 
     def _project(self, values: np.ndarray) -> np.ndarray:
@@ -174,6 +174,10 @@ class ReducedModel:
         self._basis_columns = np.ascontiguousarray(self._basis.T)
 
     def _held(self, pressure: np.ndarray) -> HeldCommands:
-        fill, vent = self._times
-        chambers = tuple(ChamberPressure(0.0, float(p), float(p), fill, vent) for p in pressure)
+        arms = self.simulation.model.arms
+        assert arms is not None
+        chambers = tuple(
+            ChamberPressure(0.0, float(p), float(p), own.fill_time, own.vent_time)
+            for p, own in zip(pressure, arms.each, strict=True)
+        )
         return HeldCommands(chambers=chambers)

@@ -220,6 +220,16 @@ def _block(lattice: Lattice, layers: tuple[int, ...], columns: tuple[int, ...], 
     return _point(lattice, f"column {where[0]}, row {where[1]}", layers, here, around, patch)
 
 
+def stencil_at(lattice: Lattice, place: SheetPlace) -> Stencil:
+    """Return the corners around a place on the flat sheet and their bilinear weights, those of weight 0 too.
+
+    Raises:
+        ValueError: The place is outside of the sheet or in a hole.
+    """
+    corners = [lattice.bilinear(layer, place.x, place.y) for layer in _layers(place.layer)]
+    return Stencil(np.concatenate([one[0] for one in corners]), np.concatenate([one[1] for one in corners]))
+
+
 def _between_nodes(lattice: Lattice, place: SheetPlace) -> Point:
     """Return the bilinear point of a place on the flat sheet.
 
@@ -228,19 +238,12 @@ def _between_nodes(lattice: Lattice, place: SheetPlace) -> Point:
     """
     layers, (dx, dy) = _layers(place.layer), lattice.spacing
     length, width = lattice.size[:2]
-
-    def stencil(x: float, y: float) -> Stencil:
-        x, y = min(max(x, 0.0), length), min(max(y, -0.5 * width), 0.5 * width)
-        corners = [lattice.bilinear(layer, x, y) for layer in layers]
-        return Stencil(np.concatenate([one[0] for one in corners]), np.concatenate([one[1] for one in corners]))
-
-    here = stencil(place.x, place.y) if lattice.covers(place.x, place.y) else None
-    if here is None:
-        raise ValueError(lattice.outside(place.x, place.y))
+    here = stencil_at(lattice, place)
     around = []
-    for x, y in ((-dx, 0.0), (dx, 0.0), (0.0, -dy), (0.0, dy)):
+    for move_x, move_y in ((-dx, 0.0), (dx, 0.0), (0.0, -dy), (0.0, dy)):
+        x, y = min(max(place.x + move_x, 0.0), length), min(max(place.y + move_y, -0.5 * width), 0.5 * width)
         try:
-            around.append(stencil(place.x + x, place.y + y))
+            around.append(stencil_at(lattice, SheetPlace(x, y, place.layer)))
         except ValueError:  # a hole is there
             around.append(here)
     i, j = place.x / dx, (place.y + 0.5 * width) / dy

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
+from ldcs_ros.physics.points import Stencil
 from ldcs_ros.plotting.annotations import Annotations
 from ldcs_ros.plotting.axes3d import (
     MIN_HEIGHT,
@@ -219,12 +220,18 @@ def _shade(cells: np.ndarray) -> np.ndarray:
 
 
 def _draw_arms(
-    axes: Axes3D, place: np.ndarray, rows: tuple[int, ...], *, large: bool, style: FigureStyle
+    axes: Axes3D,
+    place: np.ndarray,
+    lines: tuple[tuple[Stencil, ...], ...],
+    *,
+    large: bool,
+    style: FigureStyle,
 ) -> None:
     # Lines over everything: the far arm would vanish behind the sheet's rim.
     options: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 3}
-    for row in rows:
-        x, y, z = place[:, :, row].mean(axis=0).T
+    nodes = place.reshape(-1, 3)
+    for line in lines:
+        x, y, z = np.array([point.mean(nodes) for point in line]).T
         axes.plot(x, y, z, color="black", linewidth=(4.0 if large else 2.4) * style.scale, **options)
 
 

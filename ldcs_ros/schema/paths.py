@@ -41,8 +41,8 @@ def get_number(content: dict[str, Any], path: str) -> float:
 def put_value(content: dict[str, Any], path: str, value: object, *, said: str = "") -> None:
     """Put a value at a path of a scene's content, in place.
 
-    A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type,
-    `effects.springs.stiffness`. The scene's own check judges unknown keys.
+    A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type or name,
+    `effects.springs.stiffness`, `effects.arms.arms.left.links`. The scene's own check judges unknown keys.
 
     Args:
         content: The scene as plain values.
@@ -123,11 +123,11 @@ def _entry(holder: object, step: str | int, walked: str, said: str) -> tuple[lis
         if step >= len(holder):
             raise SceneError(f"'{said}': {walked} has {len(holder)} entries, got index {step}")
         return holder, step
-    types = [entry.get("type") if isinstance(entry, dict) else None for entry in holder]
-    if types.count(step) != 1:
-        known = [name for name in types if name is not None]
-        found = "no entry" if step not in types else "more than one entry"
+    names = [entry.get("type", entry.get("name")) if isinstance(entry, dict) else None for entry in holder]
+    if names.count(step) != 1:
+        known = [name for name in names if name is not None]
+        found = "no entry" if step not in names else "more than one entry"
         raise SceneError(
-            f"'{said}': {walked} has {found} of type '{step}', only {known}; or give an index, [0]"
+            f"'{said}': {walked} has {found} of the type or name '{step}', only {known}; or give an index, [0]"
         )
-    return holder, types.index(step)
+    return holder, names.index(step)

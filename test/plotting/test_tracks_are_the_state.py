@@ -76,7 +76,10 @@ def test_the_recorded_scene_tells_rest_shape_arms_and_loads(recording, scene):
     annotations = annotations_of(recording, surface_track(recording))
     assert annotations.title == scene.title
     assert np.array_equal(annotations.rest.reshape(-1, 3), scene.lattice.reference_position)
-    assert annotations.driven == (0, 3)
+    rest = annotations.rest.reshape(-1, 3)
+    ends = [[point.mean(rest)[1] for point in (line[0], line[-1])] for line in annotations.driven]
+    side = annotations.rest[0, 0, -1, 1]
+    np.testing.assert_allclose(ends, [[side, side], [-side, -side]])
     assert [load.mass for load in annotations.loads] == [0.010, 0.0]
     assert annotations.loads[1].force.tolist() == [0.0, 0.1, 0.0]
 

@@ -406,10 +406,24 @@ def _check_shape(placed: PlacedArm, own: Arms, lattice: Lattice, *, listed: bool
             f"{which}backbone_height: got {own.backbone_height:g} m, expected a height inside the sheet, "
             f"{-0.5 * thickness:g} ... {0.5 * thickness:g} m"
         )
+    if lattice.missing.size:
+        _check_crosses_no_hole(placed, lattice)
     cells, rows = max(lattice.nodes) - 1, lattice.nodes[1]
     most = cells if listed else rows - 1
     if own.width > most:
         raise ValueError(f"{which}width: got {own.width}, expected 0 ... {most}, the sheet has {rows} rows")
+
+
+def _check_crosses_no_hole(placed: PlacedArm, lattice: Lattice) -> None:
+    # Half a cell from point to point: no hole between two joint stations is missed.
+    for fraction in np.linspace(0.0, 1.0, 2 * max(lattice.nodes)):
+        x, y = (a + fraction * (b - a) for a, b in zip(placed.start, placed.end, strict=True))
+        try:
+            lattice.bilinear(0, x, y)
+        except ValueError as error:
+            raise ValueError(
+                f"arm {placed.name!r} crosses a hole at x = {x:g}, y = {y:g} m, expected a line on the sheet"
+            ) from error
 
 
 def _tables(
