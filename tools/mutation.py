@@ -140,7 +140,10 @@ def tests_of_the_change(room: str) -> list[str]:
             # Run at import, or compiled: the tests of the file, or of the room for a kernel.
             found = {test for tests in lines.values() for test in tests}
             if KERNEL.search("\n".join(before)):
+                # Compiled here in any case: some kernels have no use without numba, and their tests come first.
                 found = set(known["durations"])
+                os.environ.pop("LDCS_NO_NUMBA", None)
+                os.environ["NUMBA_CACHE_DIR"] = str(Path("kernels").absolute())
                 shutil.rmtree("kernels", ignore_errors=True)
         chosen, spent = [], 0.0
         for test in sorted(found, key=lambda test: known["durations"][test]):
