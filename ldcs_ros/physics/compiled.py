@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -94,3 +96,8 @@ def compiled_fast(function: Function) -> Function:
     return cast(
         Function, numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})(function)
     )
+
+
+def records(table: np.ndarray) -> np.ndarray:
+    """Return a structured array whose fields kernels read as attributes, compiled or in plain Python."""
+    return table if HAVE_NUMBA else table.view(np.recarray)

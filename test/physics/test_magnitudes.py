@@ -191,3 +191,49 @@ def test_a_command_is_accepted_up_to_its_limit_and_refused_above(effect, command
     command(simulation.inputs, 0.999 * limit)
     with pytest.raises(CommandError):
         command(simulation.inputs, 1.001 * limit)
+
+
+@pytest.mark.parametrize("name", ["drag", "wrench", "payload"])
+def test_an_effect_that_stores_nothing_has_no_energy(name):
+    values = {"payload": {"at": "P1", "mass": 0.04}}.get(name, {})
+    model = model_of((name, values))
+    q, _ = model.reference_state()
+    assert model.potential_energy(0.0, 1.1 * q) == 0.0
+
+
+def test_weight_stores_mass_times_acceleration_times_height_and_springs_half_k_s_squared():
+    model = model_of(
+        ("gravity", {"acceleration": (0.0, 0.0, -9.81)}), ("payload", {"at": "P1", "mass": 0.04})
+    )
+    q, _ = model.reference_state()
+    higher = q.copy()
+    higher[2::3] += 0.5
+    rise = model.potential_energy(0.0, higher) - model.potential_energy(0.0, q)
+    assert rise == pytest.approx(0.28 * 9.81 * 0.5)
+    springs = model_of(("springs", {"law": "axial", "stiffness": 70.0, "damping": 5.0}))
+    q, _ = springs.reference_state()
+    moved = q.copy()
+    node, d = LATTICE.node("top", 0, 0), np.array([1e-3, 2e-3, -1.5e-3])
+    moved[3 * node : 3 * node + 3] += d
+    rest = LATTICE.reference_position
+    neighbours = [LATTICE.node(layer, i, j) for layer in ("top", "bottom") for i in (0, 1) for j in (0, 1)]
+    lengths = [(np.linalg.norm(rest[node] - rest[n]), np.linalg.norm(rest[node] + d - rest[n]))
+               for n in neighbours if n != node]  # fmt: skip
+    expected = sum(0.5 * 70.0 * (after - before) ** 2 for before, after in lengths)
+    assert springs.potential_energy(0.0, moved) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("length", "width"), [(0.5, 0), (0.49, 1), (1.0, 0)])
+def test_plates_support_the_bottom_rows_at_both_sides_up_to_their_length(length, width):
+    # All nodes are pressed 1 mm below the plates: k (d - w / 2) each, with the defaults k = 1000 N/m, w = 0.1 mm.
+    model = model_of(("support", {"length": length, "width": width}))
+    q, u = model.reference_state()
+    q[2::3] -= 1e-3
+    pushed = force_of(model, q, u)[2::3]
+    columns = {0.5: (0, 1), 0.49: (0,), 1.0: (0, 1, 2)}[length]
+    rows = {0: (0, 3), 1: (0, 1, 2, 3)}[width]
+    expected = np.zeros(LATTICE.n_nodes)
+    for i in columns:
+        for j in rows:
+            expected[LATTICE.node("bottom", i, j)] = 1000.0 * (1e-3 - 0.5e-4)
+    np.testing.assert_allclose(pushed, expected, atol=1e-12)

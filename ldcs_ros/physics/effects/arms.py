@@ -12,6 +12,7 @@ import numpy as np
 
 from ldcs_ros.physics import arm
 from ldcs_ros.physics.arm import ARM, COUPLING, LINK, ArmTables
+from ldcs_ros.physics.compiled import records
 from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
@@ -453,7 +454,8 @@ def _tables(
             own.backbone_height,
         )
         ribs[k, : n + 1, :n] = _rib_weights(own)
-    return ArmTables(arms, links, ribs, *_couplings(placed, each, lattice))
+    couplings, nodes, weight = _couplings(placed, each, lattice)
+    return ArmTables(records(arms), records(links), ribs, records(couplings), nodes, weight)
 
 
 def _direction(placed: PlacedArm) -> np.ndarray:
