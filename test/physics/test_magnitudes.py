@@ -237,3 +237,45 @@ def test_plates_support_the_bottom_rows_at_both_sides_up_to_their_length(length,
         for j in rows:
             expected[LATTICE.node("bottom", i, j)] = 1000.0 * (1e-3 - 0.5e-4)
     np.testing.assert_allclose(pushed, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["axial", "corotational"])
+def test_the_relaxation_time_of_the_springs_is_damping_over_stiffness(law):
+    model = model_of(("springs", {"law": law, "stiffness": 80.0, "damping": 5.0}))
+    assert model.terms[0].relaxation_time == pytest.approx(5.0 / 80.0)
+    rigid = model_of(("springs", {"law": law, "stiffness": 0.0, "damping": 5.0}))
+    assert math.isinf(rigid.terms[0].relaxation_time)
+
+
+ARM_LIST = [
+    {"name": "long", "from": [0.0, 0.06], "to": [0.1, 0.06], "links": 3},
+    {"name": "short", "from": [0.0, -0.06], "to": [0.1, -0.06], "links": 2},
+]
+
+
+@pytest.mark.parametrize(("drive", "value"), [("torque", [0.2, 0.1]), ("pressure", [100e3, 50e3])])
+def test_a_shorter_arm_has_no_torque_at_the_joints_it_lacks(drive, value):
+    arms = {"type": "arms", "drive": drive, "width": 0, "arms": ARM_LIST, "pressure_gain": 2e-6, "fill_time": 0.0,
+            "dead_time": 0.0}  # fmt: skip
+    simulation = load_scene(
+        {"lattice": SHEET, "effects": [{"type": "springs"}, {"type": "clamp"}, arms]}
+    ).build()
+    getattr(simulation.inputs, f"set_{drive}")(value)
+    np.testing.assert_allclose(simulation.joint_torque, [[0.2, 0.2, 0.2], [0.1, 0.1, 0.0]])
+
+
+def test_an_arm_in_the_middle_holds_the_rows_at_both_sides_alike():
+    # 5 rows of nodes; the arm lies on the third and its ribs reach one row to each side.
+    sheet = {"size": [0.1, 0.12, 0.01], "nodes": [3, 5], "mass": 0.3}
+    arms = {"type": "arms", "links": 2, "width": 1, "drive": "torque",
+            "arms": [{"name": "middle", "from": [0.0, 0.0], "to": [0.1, 0.0]}]}  # fmt: skip
+    simulation = load_scene({"lattice": sheet, "effects": [{"type": "clamp"}, arms]}).build()
+    model = simulation.model
+    q, u = model.reference_state()
+    q[-2:] = [0.1, 0.3]
+    full = np.zeros(len(q))
+    full[model.free] = model.force(0.0, q, u, simulation.inputs.held())
+    pulls = full[:-2].reshape(2, 3, 5, 3)[..., 2]
+    assert (pulls[:, 1:, 1:4] > 1e-3).all()
+    np.testing.assert_allclose(pulls[:, :, 1], pulls[:, :, 3], atol=1e-12)
+    assert not pulls[:, :, [0, 4]].any()
