@@ -1,4 +1,4 @@
-"""`ldcs compare`: how far two recordings are apart, in numbers and pictures, with limits for machines to check."""
+"""`ldcs compare`: the difference of two recordings in numbers and pictures, with limits for machines to check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ldcs_ros.cli.output import open_bag, print_json, print_pairs
 
 DESCRIPTION = """\
 Compare two recordings: two runs of the twin, or a run with a rig's bag. A constant offset of the clocks is estimated
-from the motion and told (two runs in simulation time are taken as they are). Differences are A minus B: RMS, 95th
+from the motion and reported (two runs in simulation time are taken as they are). Differences are A minus B: RMS, 95th
 percentile, maximum, also over the side length. Writes compare.md, compare.png, and surface_error.png where both
 recorded the nodes. With a tolerance file the exit status is 1 when a limit is broken."""
 EXAMPLE = """\
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--offset",
         metavar="S",
         default="auto",
-        help="what B's clock is ahead of A's [s]; auto (default); estimate: also for two simulations",
+        help="offset of B's clock ahead of A's [s]; auto (default); estimate: also for two simulations",
     )
     parser.add_argument(
         "--measured", action="store_true", help="take what a twin's tracker reports, not the truth"

@@ -14,7 +14,7 @@ from ldcs_ros.cli.output import print_json
 from ldcs_ros.errors import SceneError
 
 DESCRIPTION = """\
-List the physical effects that a scene can name: what each does, and its parameters with default, unit, bounds
+List the physical effects that a scene can name: the physics of each, and its parameters with default, unit, bounds
 and origin. A scene pays only for the effects that it names."""
 EXAMPLE = """\
 ldcs effects

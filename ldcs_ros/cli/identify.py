@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Fit numbers of a scene to bags: the commands of each bag are fed to the scene, and the numbers are found for which
 its points go where the tracker saw them. Prints each number with its 95 % interval, and whether the scene's
-structure fits at all; if not, the exit status is 1. -o writes the fitted scene; its header says what was fitted to
-what."""
+structure fits at all; if not, the exit status is 1. -o writes the fitted scene; its header names the numbers and
+the bags."""
 EXAMPLE = """\
 ldcs identify out/a out/b --hold-out out/c --fit effects.arms.pressure_gain=1e-7..5e-6 -o fitted.yaml
   ldcs identify rig_bag --scene rig --map rig_topics.yaml --fit effects.springs.stiffness -o mine.yaml"""

@@ -20,7 +20,7 @@ EXIT_BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 
 class Verb(NamedTuple):
-    """Where a verb lives, and the line that `ldcs --help` prints for it."""
+    """The module of a verb, and its line in `ldcs --help`."""
 
     module: str
     summary: str

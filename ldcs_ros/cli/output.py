@@ -1,4 +1,4 @@
-"""What verbs print: JSON for machines, aligned lines for people, a progress bar on a terminal."""
+"""Output of verbs: JSON for machines, aligned lines for people, a progress bar on a terminal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
 
 
 def open_bag(path: Path) -> Recording:
-    """Return the recording of a bag; what is left out of it is said on stderr.
+    """Return the recording of a bag; omissions are printed on stderr.
 
     Raises:
         RecordingError: The bag cannot be read.
@@ -51,8 +51,8 @@ class Progress:
     """A progress bar, shown only when stderr is a terminal and `quiet` is False.
 
     Args:
-        total: Where the bar ends, in `unit`.
-        label: What is going on.
+        total: End of the bar, in `unit`.
+        label: The present task.
         unit: Unit of the progress, '' for a fraction.
         quiet: Show nothing.
     """

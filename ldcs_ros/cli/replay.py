@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Feed the commands of a bag to the twin in log order, in this process, and write a new bag. A bag of ldcs is run as it
-was (scene, seed, accuracy stand in it) and compared with the original: the same bytes, or within the accuracy on
+was (scene, seed, accuracy are in it) and compared with the original: the same bytes, or within the accuracy on
 another platform; if not, the exit status is 1. --scene, --set, --seed, --accuracy, --duration make another run of it.
 A rig's bag (MCAP or sqlite3) needs --scene, and a mapping file where its topics have other names or units."""
 EXAMPLE = """\

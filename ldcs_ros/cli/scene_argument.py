@@ -30,7 +30,7 @@ def add_set(parser: argparse.ArgumentParser) -> None:
 def add_map(parser: argparse.ArgumentParser) -> None:
     """Declare `--map FILE`."""
     parser.add_argument(
-        "--map", metavar="FILE", dest="mapping", type=Path, help="what the topics of a rig's bag mean (YAML)"
+        "--map", metavar="FILE", dest="mapping", type=Path, help="meaning of the topics of a rig's bag (YAML)"
     )
 
 

@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     twin = Twin(scene, settings)
     recorder = None
     if arguments.bag is not None:
-        # Readers and writers of bags take a quarter of a second to load.
+        # Readers and writers of bags take 0.25 s to load.
         from ldcs_ros.twin.recorder import Recorder
 
         recorder = Recorder(arguments.bag, twin, custom_data={"settled": str(arguments.settle).lower()})
@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """How a run went.
+    """The outcome of a run.
 
     Attributes:
         preparation: Wall time before the run: building, and compiling or loading kernels [s].

@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         found, extra = _calibrate(content, quiet=quiet, result=result)
         blocks += found
         if arguments.output is not None:
-            figures["sensitivity"] = pictures.tornado_figure(extra, "What moves P0 and P1")
+            figures["sensitivity"] = pictures.tornado_figure(extra, "Sensitivity of P0 and P1")
     if arguments.damping:
         with Progress(1.0, label="damping", unit="", quiet=quiet) as progress:
             runs = []

@@ -1,1 +1,1 @@
-"""The twin's face to the outside: topics, messages as CDR bytes, commands, watchdog. No rclpy here."""
+"""The interface of the twin: topics and messages as CDR bytes, without rclpy."""

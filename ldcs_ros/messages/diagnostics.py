@@ -20,7 +20,7 @@ class Status:
     """One entry of the diagnostics.
 
     Attributes:
-        name: What it is about, one or two words.
+        name: Its subject, one or two words.
         level: OK, WARN or ERROR.
         message: The state in a few words.
         values: Numbers and words by name, unit in the name.
@@ -33,7 +33,7 @@ class Status:
 
 
 def diagnostic_array(time_ns: int, owner: str, statuses: Iterable[Status]) -> bytes:
-    """Return a DiagnosticArray; `owner` (a node's full name) stands before each name."""
+    """Return a DiagnosticArray; `owner` (a node's full name) precedes each name."""
     key_value = message_class("diagnostic_msgs/msg/KeyValue")
     status_message = message_class("diagnostic_msgs/msg/DiagnosticStatus")
     array = message_class("diagnostic_msgs/msg/DiagnosticArray")

@@ -13,7 +13,7 @@ class Frames:
     """The frames of one twin.
 
     Attributes:
-        prefix: What stands before each name as it is, such as 'twin1/'; robot_state_publisher has the same.
+        prefix: Prefix of each name, such as 'twin1/'; robot_state_publisher has the same.
 
     Raises:
         CommandError: The prefix begins with a slash, which no frame of tf2 does.

@@ -14,17 +14,17 @@ class Topic:
     """One topic.
 
     Attributes:
-        name: Name, relative unless it starts with '/'; '{point}' and '{arm}' stand for each of them.
+        name: Name, relative unless it starts with '/'; '{point}' and '{arm}' are placeholders for each of them.
         type: ROS message type.
         direction: 'in' for commands, 'out' for what the twin reports.
-        meaning: What it carries, with units.
+        meaning: Its content, with units.
         reliable: Reliable delivery; else best effort.
         transient_local: The last messages are kept for those who come late.
         depth: Length of the queue.
         keep_all: The queue is as long as the middleware allows instead.
         on_demand: Built only while the topic has subscribers.
         recorded: Put into bags.
-        measured: Tells how the computer does, which no replay repeats.
+        measured: Performance of the computer, which no replay repeats.
     """
 
     name: str
@@ -124,7 +124,7 @@ _ALL = (
         "loads",
         "visualization_msgs/msg/MarkerArray",
         "out",
-        "what acts on the sheet: arrows of forces and torques, payloads, each with its size",
+        "loads on the sheet: arrows of forces and torques, payloads, each with its size",
         on_demand=True,
         recorded=False,
     ),
@@ -185,7 +185,7 @@ TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ALL}
 
 
 def expand(name: str, names: Iterable[str]) -> dict[str, Topic]:
-    """Return the topics that a pattern such as '{point}/pose' stands for, by their names."""
+    """Return the topics of a pattern such as '{point}/pose', by their names."""
     pattern = TOPICS[name]
     filled = (name.format(point=one, arm=one) for one in names)
     return {one: replace(pattern, name=one) for one in filled}

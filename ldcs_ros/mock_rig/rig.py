@@ -1,4 +1,4 @@
-"""The mock rig: a scene with hidden parameters behind valves, a clock of its own, and a local watchdog."""
+"""The mock rig: a scene with hidden parameters, valves, a clock of its own, and a local watchdog."""
 
 from __future__ import annotations
 

@@ -36,10 +36,10 @@ class Bridge:
     Args:
         scene: Scene of the twin; its arms are driven by pressure.
         rig: The rig.
-        mode: What the bridge may do.
+        mode: Mode of the bridge.
         clock: Steady clock [s].
         settings: Settings of the twin's run.
-        sinks: Get every message, as those of a Twin.
+        sinks: Receivers of every message, as those of a Twin.
         links: Links to the rig; None for those of the rig file.
 
     Attributes:
@@ -111,7 +111,7 @@ class Bridge:
             self.bag.close()
 
     def protect(self) -> None:
-        """Take what came, judge it, and hand on set-points or a vent; this part waits for no simulation."""
+        """Take the readings, judge them, and hand on set-points or a vent; this part waits for no simulation."""
         now = self._clock()
         for link in self.links:
             link.check()
@@ -167,13 +167,13 @@ class Bridge:
         return found
 
     def holding(self) -> str:
-        """Return which arms hold pressure or work to a set-point, as a link that commands says; '' for none."""
+        """Return the arms that hold pressure or work to a set-point, as the link that commands reports; '' for none."""
         return ", ".join(filter(None, (link.status.holding for link in self.links if link.commands)))
 
     def alarm(self) -> str:
-        """Return what is wrong beside trips, in words; '' for nothing.
+        """Return the alarm beside trips, in words; '' for none.
 
-        That is a rig that holds pressure before the first arming, or a vent without a confirmed zero in time.
+        It is a rig that holds pressure before the first arming, or a vent without a confirmed zero in time.
         """
         gate, limits = self.gate, self.rig.limits
         if gate.state is GateState.DISARMED and self.holding():
@@ -208,7 +208,7 @@ class Bridge:
             self._setpoints[reading.name] = float(reading.value)
 
     def _guard(self, now: float) -> None:
-        """Vent when something is wrong that commands cannot mend."""
+        """Vent on a fault that commands cannot repair."""
         if self.gate.state is not GateState.ARMED:
             return
         for link in self.links:
@@ -227,11 +227,11 @@ class Bridge:
         if lag:
             self.gate.trip(lag)
         if self.failure:
-            # Without it nobody can tell a sound valve from a stuck one.
+            # Only the twin distinguishes a sound valve from a stuck one.
             self.gate.trip(f"the twin stopped: {self.failure}")
 
     def _lag(self, now: float) -> str:
-        """Return by how much the twin is too late to judge valves, in words; '' while it is not."""
+        """Return the delay of the twin that is too large to judge valves, in words; '' for none."""
         lag = self.time_of(now) - self.twin.time
         if lag <= LONGEST_LAG:
             return ""
@@ -275,7 +275,7 @@ class Bridge:
             self.estimator.report(self.time_of(now))
 
     def _expected_pressure(self) -> np.ndarray:
-        """Return what the twin is to follow [Pa]: the rig's set-points, else ours, else what was measured."""
+        """Return the pressures for the twin [Pa]: the rig's set-points, else the gate's, else the measured ones."""
         arms = self.twin.simulation.arm_names
         if self._setpoints:
             source: dict[str, float] = self._setpoints

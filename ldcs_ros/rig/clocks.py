@@ -12,22 +12,22 @@ _WINDOW = 30.0
 _ROUND_TRIPS = 200
 _SMOOTHING = 0.05
 _ANSWER_LIFETIME = 1.0  # s
-_FASTEST_DRIFT = 1e-3  # s per second: what two clocks part by more than this is latency
+_FASTEST_DRIFT = 1e-3  # s per second: a larger divergence of two clocks is latency
 
 
 class ClockEstimate:
-    """What one source's stamps tell about its clock.
+    """An estimate of one source's clock from its stamps.
 
     Messages that only come in (one way) give offset and latency as a sum: the smallest of arrival minus
     stamp over the last messages is taken as the offset, and what a message took longer as its latency. The offset
-    rises no faster than clocks drift: readings that come later and later are old, not the clock slow. Where
-    the bridge asked and the rig answered with a stamp, half of the shortest round trip tells them apart
+    rises no faster than clocks drift: readings that come later and later are old, not the clock slow. If
+    the bridge asks and the rig answers with a stamp, half of the shortest round trip separates them
     (Cristian 1989). A clock jump is a stamp further back than the one before, twice in a row for messages that
     only come in, or an arrival long before its time.
 
     Attributes:
         offset: Bridge's clock minus the rig's [s]; None while no stamp came.
-        latency: Smoothed time on the way, above the shortest one where nobody answers [s].
+        latency: Smoothed time on the way, above the shortest one for a rig without answers [s].
         worst_latency: Largest since it was last taken [s].
         jumps: Clock jumps seen.
         last_jump: Size of the last one, positive when the rig's clock went forward [s].
@@ -49,10 +49,10 @@ class ClockEstimate:
         self._lock = threading.Lock()  # a link's thread and the bridge's both report
 
     def one_way(self, stamp: float, received: float) -> bool:
-        """Take the rig's stamp [s] of a message that came at `received` [s]; False if it cannot be trusted yet."""
+        """Take the rig's stamp [s] of a message that came at `received` [s]; False while it is not reliable."""
         difference = received - stamp
         with self._lock:
-            # Answers to questions tell jumps from lateness better; readings only may while nothing is asked.
+            # Answers separate jumps from lateness better; readings decide only while nothing is asked.
             asked = received - self._answered_at < _ANSWER_LIFETIME
             if not asked and self._jumped(stamp, difference):
                 return False
@@ -101,7 +101,7 @@ class ClockEstimate:
         return worst
 
     def _jumped(self, stamp: float, difference: float) -> bool:
-        """Notice a jump and start over; return whether this message is to be ignored."""
+        """Detect a jump and restart; return whether this message is ignored."""
         before, offset = self._last_stamp, self.offset
         if before is not None and offset is not None:
             if difference < offset - JUMP:

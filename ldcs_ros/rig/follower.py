@@ -1,4 +1,4 @@
-"""Follower: the twin that runs beside a rig, gets what the rig gets, and tells what the rig should show."""
+"""Follower: the twin beside a rig; it gets the commands of the rig and predicts its points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HISTORY = 400
 
 
 class Follower:
-    """Keeps a twin at the present and remembers where its points were.
+    """A twin at the present, with the past positions of its points.
 
     Args:
         twin: The twin; its scene's arms are driven by pressure.
@@ -41,7 +41,7 @@ class Follower:
         self.twin = twin
         self.squared_residual: dict[str, float] = {}
         _compile_kernels(twin.scene)
-        # A rig is at rest before anybody commands it; so is its twin.
+        # A rig is at rest before its first command; so is its twin.
         twin.receive("pressure_command", pressure_command(np.zeros(len(ARM_NAMES))))
         twin.settle()
         self._limit = float(twin.scene.effect("arms").pressure_limit)

@@ -12,7 +12,7 @@ from ldcs_ros.rig.limits import Limits, Pressures
 
 
 class Mode(enum.Enum):
-    """What the bridge may do."""
+    """The mode of a bridge."""
 
     SHADOW = "shadow"
     MIRROR = "mirror"
@@ -20,7 +20,7 @@ class Mode(enum.Enum):
 
 
 class GateState(enum.Enum):
-    """What the gate does with commands."""
+    """The state of a gate."""
 
     CLOSED = "closed"
     DISARMED = "disarmed"
@@ -29,7 +29,7 @@ class GateState(enum.Enum):
 
 
 class Gate:
-    """A filter from what an operator asks for to set-points that a rig may get; the first place of every limit.
+    """A filter from an operator's commands to set-points for a rig; the first place of every limit.
 
     Only mode `live` opens it, and only `arm` makes it pass commands on. Every fault ramps the set-points to
     zero along the vent's ramp and latches: zero is sent and commands are refused until the next arming.
@@ -39,16 +39,16 @@ class Gate:
     has itself been stopped or starved: it vents, whatever came meanwhile.
 
     Args:
-        mode: What the bridge may do.
+        mode: Mode of the bridge.
         limits: Limits that hold.
         clock: Steady clock [s].
         n_arms: Number of arms.
 
     Attributes:
-        state: What it does with commands.
+        state: Present state.
         epoch: Number of armings; the output stage follows set-points of the latest one only.
-        reason: Why it vented, in words; '' while it has not.
-        trips: How often it vented by itself.
+        reason: Reason of the vent, in words; '' for none.
+        trips: Number of vents by itself.
         accepted: Number of accepted commands.
         refused: Number of refused commands by reason.
         last_refusal: The latest refusal in words; '' while there was none.
@@ -77,7 +77,7 @@ class Gate:
 
     @property
     def venting_for(self) -> float | None:
-        """How long ago the last vent began [s]; None while armed or before the first one."""
+        """Time since the last vent began [s]; None while armed or before the first one."""
         return None if self._vented_at is None else self._clock() - self._vented_at
 
     def command(self, pressure: Iterable[float], heard: float | None = None) -> None:

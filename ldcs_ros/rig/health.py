@@ -1,4 +1,4 @@
-"""What an operator sees of the bridge: one status for each thing that can go wrong."""
+"""Health of the bridge for the operator: one status for each part that can fail."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LATE = 0.1  # s: latency that is worth a warning
 
 
 class Health:
-    """Reads a bridge's state for the diagnostics; what it says of counts is since the last reading.
+    """The state of a bridge as diagnostics; counts in the messages are since the last reading.
 
     Args:
         bridge: The bridge.

@@ -20,10 +20,10 @@ class RawReading:
         kind: 'pressure' (measured), 'pressure_command' (the set-point the rig works to) or 'position'.
         name: Arm or point.
         value: Gauge pressure [Pa], shape (), or position in ldcs_base [m], shape (3,).
-        received: When it came [s of the bridge's steady clock].
-        source: What brought it; each source has a clock of its own.
-        stamp: When the rig says it was [s of the rig's clock]; None if the rig does not say.
-        age: How much older than the stamp (or the arrival) the value is [s].
+        received: Time of its arrival [s of the bridge's steady clock].
+        source: Link or topic that carried it; each source has a clock of its own.
+        stamp: Stamp of the rig [s of the rig's clock]; None for none.
+        age: Age of the value at its stamp, or at its arrival without one [s].
     """
 
     kind: str

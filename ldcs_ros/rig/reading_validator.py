@@ -82,7 +82,7 @@ class ReadingValidator:
                 self._drop(*validation_error, channel)
                 return None
             if not clock.one_way(raw.stamp, raw.received):
-                self._drop("out of order", f"stamp {raw.stamp:.6f} s is far behind", channel)
+                self._drop("out of order", f"stamp {raw.stamp:.6f} s is far too early", channel)
                 return None
             if clock.jumps > self._jumps[raw.source]:
                 self._jumps[raw.source] = clock.jumps

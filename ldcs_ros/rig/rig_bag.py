@@ -18,9 +18,9 @@ _COMMAND = "std_msgs/msg/Float64MultiArray"
 
 
 class RigBag:
-    """Records what came from a rig, so that replay, comparison and identification take it as they take the twin's.
+    """A bag of a rig's data that replay, comparison and identification read like the twin's.
 
-    Readings and set-points stand under the names that the twin uses; raw packets under `raw/<link>/received`
+    Readings and set-points have the names of the twin's topics; raw packets under `raw/<link>/received`
     and `raw/<link>/sent`, messages of other ROS topics under their own names. Times are the twin's.
 
     Args:
@@ -49,7 +49,7 @@ class RigBag:
 
     @property
     def error(self) -> str | None:
-        """Why recording stopped, in one line; None while all is well."""
+        """Reason why recording stopped, in one line; None for none."""
         return self._writer.error
 
     @property
@@ -58,7 +58,7 @@ class RigBag:
         return self._writer.count
 
     def reading(self, reading: Reading, time: float, received: float) -> None:
-        """Record a sound reading measured at a time and received at another [s of the twin]."""
+        """Record a valid reading measured at a time and received at another [s of the twin]."""
         if reading.kind == "pressure_command":
             self._setpoint(reading, received)
             return

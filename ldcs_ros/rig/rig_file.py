@@ -33,11 +33,11 @@ _UNIT_KEYS = ("unit", "reference", "ambient")
 
 @dataclass(frozen=True)
 class RigFile:
-    """What a rig file says.
+    """The content of a rig file.
 
     Attributes:
         title: One line for people.
-        limits: What no command may exceed.
+        limits: Limits of every command.
         links: Settings of each link.
         text: The file itself, for bags.
     """

@@ -1,4 +1,4 @@
-"""What the bridge publishes of a rig: its readings in the twin's terms, and the residuals."""
+"""Messages of the bridge about a rig: its readings in the twin's terms, and the residuals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class RigReport:
-    """Emits through a twin, so that publishers and recorders get everything in one stream.
+    """Emits through a twin, so that publishers and recorders get one stream.
 
     Args:
         twin: The twin; its topics hold those of the bridge.
@@ -25,7 +25,7 @@ class RigReport:
         self._twin = twin
 
     def reading(self, reading: Reading, time: float) -> None:
-        """Report a sound reading that was measured at a time of the twin [s]."""
+        """Report a valid reading that was measured at a time of the twin [s]."""
         made = reading_message(reading, time, self._twin.simulation.arm_names)
         if made is not None:
             self._emit(f"rig/{made[0]}", made[1])

@@ -1,4 +1,4 @@
-"""A rig on ROS topics, by a mapping: which topic gives or takes what; messages are bytes here, a node carries them."""
+"""A rig on ROS topics, by a mapping: rules of its topics; messages are bytes here, a node carries them."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ JOINT_FIELDS = ("position", "velocity", "effort")
 
 @dataclass(frozen=True)
 class Incoming:
-    """What one topic gives.
+    """The rule of one topic of the rig.
 
     Attributes:
         topic: Its name.
         type: Its message type.
         gives: 'pressure', 'pressure_command' or 'position'.
-        names: What the message's own names (child frame, frame, joint, or index as text) stand for: arm or point.
+        names: Arm or point by the message's own name: child frame, frame, joint, or index as text.
         unit: Unit of pressures.
-        field: Which field of a JointState holds the pressures.
-        age: How much older than its stamp a value is [s].
-        origin: Where the tracker's base stands in ldcs_base [m].
+        field: Field of a JointState that holds the pressures.
+        age: Age of a value at its stamp [s].
+        origin: Position of the tracker's base in ldcs_base [m].
         turn: Its orientation there, quaternion x, y, z, w.
     """
 
@@ -61,7 +61,7 @@ class Incoming:
 
 @dataclass(frozen=True)
 class Outgoing:
-    """Where set-points go: a Float64MultiArray, order left, right.
+    """The topic of set-points: a Float64MultiArray, order left, right.
 
     Attributes:
         topic: Its name.
@@ -74,7 +74,7 @@ class Outgoing:
 
 @dataclass(frozen=True)
 class TopicSettings:
-    """The topics of a rig: rules of what comes in, where set-points go, and how often [Hz]."""
+    """The topics of a rig: rules of incoming topics, the topic of set-points, and its rate [Hz]."""
 
     receive: tuple[Incoming, ...]
     send: Outgoing | None
@@ -96,7 +96,7 @@ class TopicLink(Link):
         self.connected, self.error = True, ""
 
     def receive(self, topic: str, cdr: bytes, heard: float | None = None) -> None:
-        """Take a message's bytes, heard at a steady time [s] or now; what makes no sense is counted."""
+        """Take a message's bytes, heard at a steady time [s] or now; invalid bytes are counted."""
         rule = self.incoming[topic]
         heard = self.clock() if heard is None else heard
         self._packets.append(RawPacket(topic, False, cdr, heard, rule.type))

@@ -1,4 +1,4 @@
-"""What the bridge adds to the twin's topics: the rig in the twin's terms, residuals, the estimate."""
+"""The topics of the bridge beside the twin's: the rig in the twin's terms, residuals, the estimate."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def bridge_topics(points: Iterable[str], arms: Iterable[str], *, estimate: bool)
     """Return the bridge's own topics by name."""
     topics = []
     for point in points:
-        topics.append(Topic(f"rig/{point}/pose", _RIG_POSE, "out", "what the rig's tracker measured"))
+        topics.append(Topic(f"rig/{point}/pose", _RIG_POSE, "out", "pose measured by the rig's tracker"))
         topics.append(Topic(f"residual/{point}", _VECTOR, "out", "measured minus predicted position [m]"))
         if estimate:
             meaning = "estimated pose, with the filter's own covariance of the position"
             topics.append(Topic(f"estimate/{point}/pose", _POSE_COVARIANCE, "out", meaning))
     for arm in arms:
-        meaning = "what the rig measured, absolute [Pa]"
+        meaning = "pressure measured by the rig, absolute [Pa]"
         topics.append(Topic(f"rig/{arm}/pressure", "sensor_msgs/msg/FluidPressure", "out", meaning))
     if estimate:
         topics.append(

@@ -1,4 +1,4 @@
-"""Units of pressure that rigs speak; converted once, where a message comes in or goes out."""
+"""Units of pressure of rigs, converted once when a message arrives or leaves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AMBIENT = STANDARD_ATMOSPHERE
 
 @dataclass(frozen=True)
 class PressureUnit:
-    """How a rig writes a pressure.
+    """The notation of a rig for pressures.
 
     Attributes:
         name: One of PASCALS.
@@ -34,11 +34,11 @@ class PressureUnit:
             raise BridgeError(f"unknown reference {self.reference!r}; expected one of {list(REFERENCES)}")
 
     def to_pascal(self, value: float) -> float:
-        """Return the gauge pressure [Pa] of what the rig wrote."""
+        """Return the gauge pressure [Pa] of a value of the rig."""
         return value * PASCALS[self.name] - (self.ambient if self.reference == "absolute" else 0.0)
 
     def from_pascal(self, gauge: float) -> float:
-        """Return what the rig reads for a gauge pressure [Pa]."""
+        """Return the rig's value for a gauge pressure [Pa]."""
         return (gauge + (self.ambient if self.reference == "absolute" else 0.0)) / PASCALS[self.name]
 
     @property

@@ -1,6 +1,6 @@
 """The programs of `ros2 run ldcs_ros`; `python -m ldcs_ros.ros PROGRAM` runs the same without an installation.
 
-Each node's module is imported late: rclpy takes a second to load, and a signal meanwhile must find its handler.
+Each node's module is imported late: rclpy loads slowly, and a signal meanwhile must find its handler.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class Commands:
         except Refusal as refusal:
             self.refuse(refusal, topic)
             raise
-        except Exception as error:  # a mistake of ours: the sender is answered and the twin lives on
+        except Exception as error:  # unexpected: the sender is answered and the twin goes on
             failure = Refusal("failed", repr(error))
             self.refuse(failure, topic)
             raise failure from error
@@ -114,7 +114,7 @@ class Commands:
         return self._frames.local(message.header.frame_id) if hasattr(message, "header") else ""
 
     def count_on(self, earlier: Commands) -> None:
-        """Go on with the counters of another twin, whose place this one takes."""
+        """Continue the counters of the twin that this one replaces."""
         self.accepted, self.refused = earlier.accepted.copy(), earlier.refused.copy()
         self.last_refusal = earlier.last_refusal
 
@@ -193,16 +193,16 @@ class Commands:
         ramp: float,
         start: float,
     ) -> WrenchProfile:
-        """Return the course of a wrench that acts for a while, checked whole; nothing acts yet.
+        """Return the profile of a wrench that acts for a while, checked whole; nothing acts yet.
 
         Args:
-            point: Where it acts: a point or a node of the scene.
-            frame_id: Whose axes force and torque have: the base frame, or the point itself.
+            point: Point or node of the scene at which it acts.
+            frame_id: Frame of the axes of force and torque: the base frame, or the point itself.
             force: Force at its full height [N].
             torque: Torque at its full height [N m].
-            duration: How long it acts, ramps included [s]; 0 for until it is replaced.
-            ramp: How long it rises, and falls [s].
-            start: When it begins [s].
+            duration: Duration, ramps included [s]; 0 for until it is replaced.
+            ramp: Duration of its rise, and of its fall [s].
+            start: Time of its begin [s].
 
         Raises:
             Refusal: It has been counted.
@@ -228,7 +228,7 @@ class Commands:
         return WrenchProfile.of(frame, force, torque, start=start, duration=duration, ramp=ramp)
 
     def hold_wrench(self, frame: str, force: Sequence[float], torque: Sequence[float]) -> None:
-        """Hold a wrench that has been checked; one of nothing is let go."""
+        """Hold a checked wrench; a zero wrench is cleared."""
         inputs = self._simulation.inputs
         if any(force) or any(torque):
             _within_limits(inputs.set_wrench, frame, force=force, torque=torque)
@@ -285,7 +285,7 @@ def _check_finite(values: Iterable[float], what: str) -> None:
 
 
 def _within_limits(setter: Callable[..., object], *arguments: object, **keywords: object) -> None:
-    # Size, numbers and names have been checked: what is left for the simulation to refuse is the amount.
+    # Size, numbers and names have been checked: the simulation can refuse the amount only.
     try:
         setter(*arguments, **keywords)
     except CommandError as error:

@@ -23,7 +23,7 @@ class Recorder:
 
     Args:
         folder: Bag folder; one that exists is never overwritten.
-        twin: What is recorded.
+        twin: The twin.
         namespace: Namespace put before relative topic names.
         custom_data: Further texts stored with the bag.
 

@@ -154,7 +154,7 @@ class Twin:
         """Emit everything up to a time [s] and bring the simulation there.
 
         Raises:
-            DivergenceError: The simulation cannot go on; what came before has been emitted.
+            DivergenceError: The simulation cannot go on; earlier messages have been emitted.
         """
         while self.next_time <= seconds:
             self.advance_to_next()
@@ -212,7 +212,7 @@ class Twin:
         ends it. The arguments are those of `Commands.wrench_profile`.
 
         Returns:
-            What was applied, in words.
+            The applied wrench, in words.
 
         Raises:
             Refusal: Refused whole and counted; nothing changed.
@@ -243,7 +243,7 @@ class Twin:
         return tripped
 
     def vent(self, duration: float = RAMP_TIME) -> None:
-        """Ramp what the arms are commanded to zero over a duration [s] of simulation time; 0 for at once."""
+        """Ramp the command of the arms to zero over a duration [s] of simulation time; 0 for at once."""
         inputs = self.simulation.inputs
         value = inputs.pressure if inputs.pressure is not None else inputs.torque
         if value is None or not np.any(value):
@@ -307,7 +307,7 @@ class Twin:
             self.simulation.advance_to(time)
 
     def _go_to(self, time: float) -> None:
-        # Two times that a bag cannot tell apart are one: a replay acts at the first of them.
+        # Two times of one nanosecond are one in a bag: a replay acts at the first of them.
         if nanoseconds(time) > nanoseconds(self.time):
             self._move(time)
             self.time = time
@@ -352,7 +352,7 @@ class Twin:
             self._ramp = None
 
     def _emit_arm_command(self) -> None:
-        # What the arms are commanded, in standard types, so that any bag can be replayed without ours.
+        # The command of the arms in standard types, so that a bag can be replayed without ldcs_msgs.
         inputs, now = self.simulation.inputs, nanoseconds(self.time)
         if inputs.pressure is not None:
             self.emit(TOPICS["pressure_command"], messages.pressure_command(inputs.pressure), now)

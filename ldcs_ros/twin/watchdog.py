@@ -16,9 +16,9 @@ class VentRamp:
     """A straight ramp to zero.
 
     Attributes:
-        start: When it begins [s].
-        value: What was commanded then, gauge pressures [Pa] or torques [N m], any shape.
-        duration: How long it takes [s].
+        start: Time of its begin [s].
+        value: Command at the start, gauge pressures [Pa] or torques [N m], any shape.
+        duration: Its duration [s].
     """
 
     start: float
@@ -26,12 +26,12 @@ class VentRamp:
     duration: float = RAMP_TIME
 
     def at(self, time: float) -> np.ndarray:
-        """Return what to command at `time` [s], the shape of `value`."""
+        """Return the command at `time` [s], the shape of `value`."""
         fraction = (time - self.start) / self.duration if self.duration > 0.0 else 1.0
         return self.value * max(0.0, 1.0 - fraction)
 
     def is_over(self, time: float) -> bool:
-        """Tell whether zero has been reached at `time` [s]."""
+        """Return whether zero has been reached at `time` [s]."""
         return time - self.start >= self.duration
 
 
@@ -48,7 +48,7 @@ class Watchdog:
 
     Attributes:
         tripped: The arms' commands went stale and no `rearm` followed.
-        trips: How often that happened.
+        trips: Number of trips.
     """
 
     def __init__(
@@ -73,15 +73,15 @@ class Watchdog:
         return "idle" if self._fed_at is None else "armed"
 
     def feed(self) -> None:
-        """Take note of an applied command for the arms."""
+        """Note an applied command for the arms."""
         self._fed_at = self._now()
 
     def feed_wrench(self, frame: str) -> None:
-        """Take note of an applied wrench at this frame."""
+        """Note an applied wrench at a frame."""
         self._wrench_at[frame] = self._now()
 
     def release_wrench(self, frame: str) -> None:
-        """Take note that the wrench at this frame has no sender any more."""
+        """Forget the wrench at a frame: no sender holds it any more."""
         self._wrench_at.pop(frame, None)
 
     def check(self) -> bool:

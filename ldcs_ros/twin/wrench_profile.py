@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from ldcs_ros.messages.cdr import nanoseconds
 
 STEP_TIME = 0.01
-"""Length of a stair of a ramp [s]: commands are held, so that a ramp is a stair that a bag can tell."""
+"""Length of a step of a ramp [s]: commands are held, so that a bag can hold a ramp as steps."""
 MAX_STEPS = 200
-"""Stairs of the longest ramp; a stair is then 0.5 % of the wrench."""
+"""Steps of the longest ramp; a step is then 0.5 % of the wrench."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +41,17 @@ class WrenchProfile:
         duration: float,
         ramp: float,
     ) -> WrenchProfile:
-        """Return the course that begins at `start` [s].
+        """Return the profile that begins at `start` [s].
 
-        Each stair has the mean of the straight ramp over it: the impulse is that of the ramp exactly.
+        Each step has the mean of the straight ramp over it: the impulse is that of the ramp exactly.
 
         Args:
-            frame: Where it acts.
+            frame: Frame at which it acts.
             force: Full force [N].
             torque: Full torque [N m].
-            start: When it begins [s].
-            duration: How long it acts, ramps included [s]; 0 for until it is replaced.
-            ramp: How long it rises, and falls [s].
+            start: Time of its begin [s].
+            duration: Duration, ramps included [s]; 0 for until it is replaced.
+            ramp: Duration of its rise, and of its fall [s].
         """
         fractions = {nanoseconds(start + time): fraction for time, fraction in _rise(ramp)}
         if duration > 0.0:
@@ -65,7 +65,7 @@ class WrenchProfile:
 
 
 class WrenchSchedule:
-    """The courses under way, one for each frame."""
+    """The wrench profiles in progress, one for each frame."""
 
     def __init__(self) -> None:
         self._profiles: dict[str, WrenchProfile] = {}
@@ -76,15 +76,15 @@ class WrenchSchedule:
         return min((one.fractions[0][0] for one in self._profiles.values()), default=math.inf) / 1e9
 
     def put(self, profile: WrenchProfile) -> None:
-        """Follow a course, instead of the one that its frame has."""
+        """Follow a profile, instead of the present one of its frame."""
         self._profiles[profile.frame] = profile
 
     def drop(self, frame: str) -> None:
-        """Follow the course of a frame no more."""
+        """Drop the profile of a frame."""
         self._profiles.pop(frame, None)
 
     def clear(self) -> None:
-        """Follow none."""
+        """Drop all profiles."""
         self._profiles.clear()
 
     def take(self, time: float) -> list[tuple[WrenchProfile, float]]:

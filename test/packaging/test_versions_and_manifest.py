@@ -56,7 +56,8 @@ def imported_packages(folder: Path) -> set[str]:
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
                 names.add(node.module.split(".")[0])
-    return names - sys.stdlib_module_names - {"ldcs_ros"}
+    # Type checkers bring _typeshed with them; no module of that name is ever loaded.
+    return names - sys.stdlib_module_names - {"ldcs_ros", "_typeshed"}
 
 
 @pytest.mark.parametrize("manifest", ["package.xml", "msg_defs/package.xml"])

@@ -21,7 +21,7 @@ _JOINT = 1.6  # diameter of a joint, likewise
 
 
 class ArmLines:
-    """What is drawn of the arms: the links of each arm as cylinders with a ball at each joint; edges as lines.
+    """A drawing of the arms: the links as cylinders with a ball at each joint, driven edges as lines.
 
     Args:
         lattice: The lattice.

@@ -35,7 +35,7 @@ _POINTS: tuple[Colour, ...] = (
 def of_height(height: np.ndarray, length: float) -> np.ndarray:
     """Return red, green, blue, opacity (0 ... 1, float32) of heights above the clamp's mid-plane, shape (n, 4).
 
-    Dark blue hangs half the sheet's length below, teal is level with the clamp, yellow stands half a length
+    Dark blue hangs half the sheet's length below, teal is level with the clamp, yellow is half a length
     above: one scale for all times and all sheets.
 
     Args:

@@ -18,8 +18,8 @@ from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import Point, point_at
 
-METRES_A_NEWTON = 0.1
-METRES_A_NEWTON_METRE = 1.0
+METRES_PER_NEWTON = 0.1
+METRES_PER_NEWTON_METRE = 1.0
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.002, 0.005, 0.008
 _TEXT_HEIGHT, _TEXT_LIFT = 0.008, 0.008
 _ABOVE = np.array([0.0, 0.0, 0.014])
@@ -32,8 +32,8 @@ class Load:
     """A load on the sheet.
 
     Attributes:
-        name: What it is, for viewers that list markers.
-        position: Where it acts in ldcs_base [m], shape (3,).
+        name: Name in viewers that list markers.
+        position: Point of application in ldcs_base [m], shape (3,).
         force: Force in ldcs_base [N], shape (3,).
         torque: Torque in ldcs_base [N m], shape (3,).
         mass: Mass that is fixed there [kg].
@@ -51,8 +51,8 @@ class SceneLoad:
     """A load that a scene names: it stays, only its point moves.
 
     Attributes:
-        name: What it is.
-        point: Where it acts.
+        name: Name in viewers.
+        point: Point of application.
         force: Force in ldcs_base [N], shape (3,).
         mass: Mass that is fixed there [kg].
     """
@@ -92,7 +92,7 @@ def wrench_loads(
     Args:
         lattice: The lattice.
         points: The scene's named points.
-        wrenches: What has a `force` and a `torque`, by frame; in the frame's axes, or with `_aligned` in those
+        wrenches: Wrenches by frame; in the frame's axes, or with `_aligned` in those
             of ldcs_base.
         position: Node positions [m], shape (n_nodes, 3).
     """
@@ -109,7 +109,7 @@ def wrench_loads(
 def load_specs(loads: Iterable[Load]) -> list[MarkerSpec]:
     """Return what is drawn of loads.
 
-    A force is an arrow of 0.1 m a newton, a torque one of 1 m a newton metre along its axis, both with the
+    A force is an arrow of 0.1 m per newton, a torque one of 1 m per newton metre along its axis, both with the
     size written beside them; a mass is a steel ball of that weight.
     """
     return [spec for load in loads for spec in _drawn(load)]
@@ -131,15 +131,15 @@ def _drawn(load: Load) -> Iterator[MarkerSpec]:
         yield MarkerSpec(load.name, SPHERE, (size, size, size), colours.PAYLOAD, position=load.position)
         label.append(f"{1e3 * load.mass:.3g} g")
     if force > _SMALLEST:
-        yield _arrow(load.name, load.position, METRES_A_NEWTON * load.force, colours.FORCE)
+        yield _arrow(load.name, load.position, METRES_PER_NEWTON * load.force, colours.FORCE)
         label += [f"{force:.3g} N"] if load.mass == 0.0 else []
     if torque > _SMALLEST:
         name = f"{load.name}/torque"
-        yield _arrow(name, load.position, METRES_A_NEWTON_METRE * load.torque, colours.TORQUE)
+        yield _arrow(name, load.position, METRES_PER_NEWTON_METRE * load.torque, colours.TORQUE)
         label.append(f"{torque:.3g} N m")
     if label:
         # At the arrow's tip, where no other name is written; that of a torque alone above its place.
-        tip = METRES_A_NEWTON * load.force
+        tip = METRES_PER_NEWTON * load.force
         place = load.position + (tip * (1.0 + _TEXT_LIFT / np.linalg.norm(tip)) if tip.any() else _ABOVE)
         size_of_text = (0.0, 0.0, _TEXT_HEIGHT)
         name = f"{load.name}/label"

@@ -17,17 +17,17 @@ ADD, DELETE_ALL = 0, 3
 
 @dataclass(frozen=True)
 class MarkerSpec:
-    """What a marker shows, apart from header, number and action.
+    """The content of a marker, apart from header, number and action.
 
     Attributes:
         namespace: Group that viewers list it under.
         kind: ARROW, SPHERE, LINE_STRIP and so on.
-        scale: Sizes [m]; what they mean depends on the kind.
+        scale: Sizes [m]; their meaning depends on the kind.
         colour: Red, green, blue, opacity, 0 ... 1.
-        position: Where its own origin is [m], shape (3,).
-        orientation: How it is turned, unit quaternion x, y, z, w; a cylinder lies along its own z.
+        position: Position of its origin [m], shape (3,).
+        orientation: Unit quaternion x, y, z, w; a cylinder lies along its own z.
         points: Points of the kinds that have some [m], shape (n, 3).
-        text: What a text says.
+        text: Content of a text.
     """
 
     namespace: str
@@ -55,7 +55,7 @@ def marker(
 
     Args:
         head: Its std_msgs/Header.
-        spec: What it shows.
+        spec: Its content.
         number: Its number in its namespace.
         colours: std_msgs/ColorRGBA of each point; none for the figure's own.
         action: Add, or delete what was there.
@@ -95,7 +95,7 @@ def marker_array(time_ns: int, frame: str, specs: Iterable[MarkerSpec]) -> bytes
     Args:
         time_ns: Its stamp [ns].
         frame: Frame that all are in.
-        specs: What it shows.
+        specs: Its markers.
     """
     head = header(time_ns, frame)
     clear = marker(head, _NOTHING, action=DELETE_ALL)

@@ -34,7 +34,7 @@ class Traces:
         self._last_time = 0
 
     def follow(self, time_ns: int, places: Mapping[str, np.ndarray]) -> None:
-        """Take note of where the points are at a time [ns]; places in ldcs_base [m], shape (3,), by point."""
+        """Add the places of the points at a time [ns]; places in ldcs_base [m], shape (3,), by point."""
         if time_ns < self._last_time:
             self._places.clear()
         self._last_time = time_ns
@@ -58,7 +58,7 @@ MARKER_TOPICS = ("surface", "arms", "loads", "traces")
 
 @dataclass(frozen=True)
 class DrawableState:
-    """What is shown at an instant.
+    """The state that is drawn at an instant.
 
     Attributes:
         position: Node positions in ldcs_base [m], shape (n_nodes, 3).
@@ -85,7 +85,7 @@ class Markers:
         self._traces = Traces()
 
     def follow(self, time_ns: int, places: Mapping[str, np.ndarray]) -> None:
-        """Take note of where the named points are [m] at a time [ns]: traces reach back before anybody looked."""
+        """Add the places of the named points [m] at a time [ns]: traces reach back before the first subscriber."""
         self._traces.follow(time_ns, places)
 
     def build(self, topic: str, time_ns: int, shown: DrawableState) -> bytes:

@@ -1,4 +1,4 @@
-"""The second place of every limit, just before a set-point leaves; it trusts nothing that the gate did."""
+"""The second place of every limit, just before a set-point leaves; it does not rely on the gate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ldcs_ros.rig.limits import LONGEST_STEP, Limits, Pressures
 
 
 class OutputState(enum.Enum):
-    """What the output stage sends."""
+    """The state of an output stage."""
 
     IDLE = "idle"
     ACTIVE = "active"
@@ -31,8 +31,8 @@ class OutputLimiter:
         n_arms: Number of arms.
 
     Attributes:
-        state: What it sends.
-        reason: Why it vented, in words; '' while it has not.
+        state: Present state.
+        reason: Reason of the vent, in words; '' for none.
         sent: Set-points that were sent last, gauge [Pa].
         epoch: Epoch of the set-points it follows, or of the latest vent.
         clipped_count: Set-points that the gate let pass and this stage did not.

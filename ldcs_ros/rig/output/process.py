@@ -29,7 +29,7 @@ Settings = dict[str, Any]
 
 
 class MessageSocket:
-    """JSON lines over a socket; what the other side does not fetch is dropped, never waited for.
+    """JSON lines over a socket; messages that the other side does not fetch are dropped.
 
     Attributes:
         lost: Whether the other side is gone.
@@ -113,7 +113,7 @@ def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) 
         signal.signal(number, signal.SIG_IGN)
     terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, frame: terminated.append(number))
-    # Where it is allowed, the process that vents runs before those that compute.
+    # If permitted, the process that vents runs before those that compute.
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, -10)
     channel = MessageSocket(socket.socket(fileno=int(sys.argv[1])))
@@ -160,7 +160,7 @@ def _run(stage: OutputStage, channel: MessageSocket, terminated: list[int]) -> i
             gone = channel.lost or os.getppid() != bridge
             if not lost and (gone or terminated):
                 lost = gone
-                why = "the bridge is gone" if gone else "the output process was told to end"
+                why = "the bridge is gone" if gone else "the output process received SIGTERM"
                 stage.end(why, ORPHAN_PATIENCE)
                 terminated.clear()
                 if stage.commands and lost:

@@ -12,7 +12,7 @@ from ldcs_ros.rig.output.monitor import WriteMonitor
 
 RETRY_PERIOD = 0.2
 ORPHAN_PATIENCE = 60.0
-"""How long a stage without its bridge goes on trying to vent [s]."""
+"""Time for which a stage without its bridge tries to vent [s]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class OutputStatus:
 
 @dataclass(frozen=True)
 class Exchange:
-    """What one step of a stage brought: readings, packets, round trips (sent, stamp, received) [s] and its status."""
+    """The result of one step: readings, packets, round trips (sent, stamp, received) [s] and the stage's status."""
 
     readings: list[DeviceReading]
     packets: list[DevicePacket]
@@ -126,7 +126,7 @@ class OutputStage:
         self._error = "not opened yet"
         self._drops = 0
         self._deadline: float | None = None
-        self._taken = device.take()  # what came before the device was in use says nothing about now
+        self._taken = device.take()  # readings from before the device was in use are obsolete
         self.ended = False
         self.confirmed = not commands
 
@@ -168,7 +168,7 @@ class OutputStage:
         return wait
 
     def exchange(self) -> Exchange:
-        """Return what the last step brought."""
+        """Return the result of the last step."""
         readings, packets, round_trips, _ = self._taken
         limiter, monitor, device = self.limiter, self.monitor, self.device
         status = OutputStatus(

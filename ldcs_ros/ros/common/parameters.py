@@ -136,7 +136,7 @@ class OwnParameterService(ParameterService):
     """rclpy's parameter services; a value that a parameter has already is accepted, also where it cannot change.
 
     `set_parameters` answers value by value, `set_parameters_atomically` takes all or none. So `ros2 param load` takes
-    what `ros2 param dump` wrote. A request may hold a type that does not exist; rclpy would end the process with it.
+    the file of `ros2 param dump`. A request may hold a type that does not exist; rclpy would end the process with it.
     """
 
     def _set_parameters_callback(

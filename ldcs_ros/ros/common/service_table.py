@@ -12,7 +12,7 @@ class ServiceEntry:
     Attributes:
         name: Name, relative to the node ('~/') or to its namespace.
         type: ROS service or action type.
-        meaning: What it does, and when it refuses.
+        meaning: Its effect, and its refusals.
     """
 
     name: str
@@ -24,7 +24,7 @@ _TRIGGER = "std_srvs/srv/Trigger"
 _SIMULATOR = "simulation_interfaces/srv/"
 
 SIM_SERVICES = (
-    ServiceEntry("~/pause", _TRIGGER, "time stands still; commands are taken and act when it goes on"),
+    ServiceEntry("~/pause", _TRIGGER, "stops time; commands are taken and act when it goes on"),
     ServiceEntry("~/resume", _TRIGGER, "time goes on, without a burst to catch up"),
     ServiceEntry("~/step", _TRIGGER, "exactly one publish period; only while paused"),
     ServiceEntry(
@@ -51,7 +51,7 @@ SIM_SERVICES = (
     ServiceEntry(
         "~/get_simulator_features",
         f"{_SIMULATOR}GetSimulatorFeatures",
-        "what of these services the node offers",
+        "features of these services that the node offers",
     ),
     ServiceEntry("~/get_simulation_state", f"{_SIMULATOR}GetSimulationState", "playing, paused or stopped"),
     ServiceEntry(
@@ -63,7 +63,7 @@ SIM_SERVICES = (
         "~/reset_simulation", f"{_SIMULATOR}ResetSimulation", "back to the start, time and state together"
     ),
     ServiceEntry(
-        "~/step_simulation", f"{_SIMULATOR}StepSimulation", "so many publish periods; only while paused"
+        "~/step_simulation", f"{_SIMULATOR}StepSimulation", "a number of publish periods; only while paused"
     ),
     ServiceEntry(
         "~/simulate_steps",
@@ -75,7 +75,7 @@ SIM_SERVICES = (
     ),
     ServiceEntry("~/get_entities_states", f"{_SIMULATOR}GetEntitiesStates", "their states at one instant"),
     ServiceEntry("~/get_entity_state", f"{_SIMULATOR}GetEntityState", "pose, twist and acceleration of one"),
-    ServiceEntry("~/get_entity_info", f"{_SIMULATOR}GetEntityInfo", "what one is"),
+    ServiceEntry("~/get_entity_info", f"{_SIMULATOR}GetEntityInfo", "category and tags of one"),
     ServiceEntry(
         "~/set_entity_state", f"{_SIMULATOR}SetEntityState", "refused: the sheet moves as its physics says"
     ),
@@ -95,5 +95,5 @@ BRIDGE_SERVICES = (
         _TRIGGER,
         "mode live: commands go to the rig from now on; refused with every reason that there is",
     ),
-    ServiceEntry("~/disarm", _TRIGGER, "vents along a ramp; commands are refused until somebody arms again"),
+    ServiceEntry("~/disarm", _TRIGGER, "vents along a ramp; commands are refused until the next arming"),
 )

@@ -175,7 +175,7 @@ class RigBridge(ParameterNode):
             state = self._bridge.gate.state
         response.success = state is GateState.VENTED
         response.message = (
-            "venting; diagnostics tell when zero is confirmed"
+            "venting; the diagnostics report the confirmed zero"
             if response.success
             else f"mode {self._bridge.mode.value} commands nothing"
         )

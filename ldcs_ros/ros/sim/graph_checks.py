@@ -17,7 +17,7 @@ DISCOVERY_TIME = 3.5
 """Wall time in which the publishers that were there before are known [s], on a machine that is not overloaded: Fast DDS
 announces a participant at once, and where that was missed again after 3 s."""
 _MOST_OVERLOAD = 5.0
-NAMELESS = "somebody without a name"
+NAMELESS = "a node without a name"
 
 
 def sim_time_error(*, use_sim_time: bool, publish_clock: bool) -> str:
@@ -44,13 +44,13 @@ class ClockMonitor:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._since = time.monotonic()
-        self._told = False
+        self._reported = False
 
     def refuse_second(self) -> None:
         """Wait until the graph is known, before the own clock is published.
 
         Raises:
-            LdcsError: Somebody publishes a clock.
+            LdcsError: Another node publishes a clock.
         """
         # The others need the processor to answer.
         overload = os.getloadavg()[0] / (os.cpu_count() or 1)
@@ -77,9 +77,9 @@ class ClockMonitor:
         trouble = ""
         if others:
             trouble = f"a second clock: {CLOCK} is published by {', '.join(others)} too; end it"
-        if trouble and not self._told:
+        if trouble and not self._reported:
             self._node.get_logger().error(trouble)
-        self._told = bool(trouble)
+        self._reported = bool(trouble)
         return Status("clock", ERROR if trouble else OK, trouble or "the clock of this graph", {})
 
     def _publishers(self) -> list[str]:
@@ -106,10 +106,10 @@ class DuplicateNodeCheck:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._told = False
+        self._reported = False
 
     def status(self) -> Status:
-        """Return the state as an entry of the diagnostics; a namesake is also logged, once."""
+        """Return the state as an entry of the diagnostics; a duplicate is also logged, once."""
         own = self._node.get_fully_qualified_name()
         names = self._node.get_node_names_and_namespaces()
         count = sum(f"{namespace.rstrip('/')}/{name}" == own for name, namespace in names)
@@ -119,9 +119,9 @@ class DuplicateNodeCheck:
                 f"{count} nodes are named {own}: commands reach all of them, services any; end the others, or start "
                 "them in namespaces of their own (--ros-args -r __ns:=/second); one that was killed fades in 20 s"
             )
-        if trouble and not self._told:
+        if trouble and not self._reported:
             self._node.get_logger().warning(trouble)
-        self._told = bool(trouble)
+        self._reported = bool(trouble)
         return Status(
             "name", WARN if trouble else OK, trouble or "the only one", {"nodes of this name": count}
         )

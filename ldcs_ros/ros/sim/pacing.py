@@ -21,13 +21,13 @@ def tolerance(publish_rate: float, real_time_factor: float) -> float:
 
 
 class Pacer:
-    """Says when an event of the simulation is due.
+    """A pacer of the events of the simulation.
 
-    Deadlines are counted from an anchor, so that errors do not add up. What is later than the tolerance has
-    overrun: that is counted, and the anchor moves, so that lost time is lost and not made up for in a burst.
+    Deadlines count from a reference time, so that errors do not add up. An event later than the tolerance is an
+    overrun: it is counted, and the reference time moves, so that no burst makes up for lost time.
 
     Args:
-        real_time_factor: Simulated seconds a second; AS_FAST_AS_POSSIBLE for no waiting.
+        real_time_factor: Simulated seconds per second; AS_FAST_AS_POSSIBLE for no waiting.
         tolerance: Lateness that is not yet an overrun [s].
         clock: Steady clock [s].
 
@@ -47,7 +47,7 @@ class Pacer:
         self._reference_time: tuple[float, float] | None = None
 
     def reset(self) -> None:
-        """Forget the anchor: the next event is due at once, and time counts from there."""
+        """Forget the reference time: the next event is due at once and sets it."""
         self._reference_time = None
 
     def wait(self, simulation_time: float, wake: threading.Event) -> bool:
@@ -86,7 +86,7 @@ class PaceMeter:
         clock: Steady clock [s].
 
     Attributes:
-        real_time_factor: Simulated seconds a second between the last two readings.
+        real_time_factor: Simulated seconds per second between the last two readings.
         step_time: Mean wall time of an advance between them [s].
         worst_step_time: Longest one [s].
     """
@@ -110,7 +110,7 @@ class PaceMeter:
         self._count += 1
 
     def read(self, simulation_time: float) -> None:
-        """Bring the figures up to this simulation time [s] and start the next period."""
+        """Update the figures to this simulation time [s] and start the next period."""
         wall, simulated = self._since
         elapsed = self._clock() - wall
         self.real_time_factor = (simulation_time - simulated) / elapsed if elapsed > 0.0 else 0.0

@@ -19,18 +19,18 @@ class SwapScene(Protocol):
     """Lets a twin take the place of the present one."""
 
     def __call__(self, twin: Twin, *, stop: bool) -> str:
-        """Return what went wrong beside it, or ''; with `stop`, time does not run on."""
+        """Return the error beside it, or ''; with `stop`, time does not run on."""
 
 
 class SceneLoader:
     """Loads scenes, one at a time.
 
     The new twin is built on a thread of its own while the old one runs on and takes commands; the two are
-    exchanged only when the new one stands.
+    exchanged when the new one is ready.
 
     Args:
         node: The node whose executor others wait with.
-        runner: Returns the runner, or raises NotActive while the node is not active.
+        runner: Returns the runner, or raises InactiveNodeError while the node is not active.
         build: Returns the twin of a scene; may be called on any thread.
         swap_scene: Lets a twin take the place of the present one.
     """
@@ -50,14 +50,14 @@ class SceneLoader:
         self._busy = False
 
     async def load(self, scene: Callable[[], Scene], *, stop: bool = False) -> tuple[Twin, str]:
-        """Load a scene; return its twin and what went wrong beside it, or ''.
+        """Load a scene; return its twin and the error beside it, or ''.
 
         Args:
             scene: Returns the scene; called on a thread of its own.
-            stop: Leave time standing at the start; otherwise it runs if it ran before.
+            stop: Leave time stopped at the start; otherwise it runs if it ran before.
 
         Raises:
-            NotNow: Another one is being loaded, or the node is not active.
+            InvalidStateError: Another one is being loaded, or the node is not active.
             LdcsError: The scene cannot be built; the old one goes on.
         """
         if self._busy:

@@ -19,8 +19,8 @@ def health(
     """Return all entries of the diagnostics; ends the meter's present period.
 
     Args:
-        runner: What runs the twin.
-        recorder: What records it, if anything does.
+        runner: Runner of the twin.
+        recorder: Recorder of the twin; None for none.
         recording_error: Why nothing is recorded although it was asked for; '' otherwise.
         interfaces: State of each optional interface.
         missed: Commands that were overwritten in a full queue.
@@ -90,10 +90,10 @@ _LINE_PERIOD = 2.0
 
 
 class StatusLine:
-    """Writes the status of a runner: one line, rewritten, on a terminal; a line every two seconds elsewhere.
+    """The status of a runner: one line, rewritten, on a terminal; a line every two seconds elsewhere.
 
     Args:
-        stream: Where it is written.
+        stream: Stream of the terminal.
         runner: The runner that is reported.
     """
 
@@ -110,7 +110,7 @@ class StatusLine:
         self._put(self._runner.mode.value, since)
 
     def close(self) -> None:
-        """Write the last status, with the real-time factor since the start, and leave it standing."""
+        """Write the last status, with the real-time factor since the start, and leave it on the terminal."""
         self._last = (time.perf_counter(), self._runner.twin.time)
         self._put("ended", self._start)
         if self._terminal:

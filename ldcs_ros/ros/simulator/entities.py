@@ -21,16 +21,16 @@ Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """How things move at an instant, in ldcs_base; row k belongs to the k-th.
+    """The motion of entities at an instant, in ldcs_base; row k belongs to the k-th.
 
     Attributes:
-        position: Where they are [m], shape (n, 3).
+        position: Positions [m], shape (n, 3).
         axes: Their frames, axes as columns, shape (n, 3, 3).
         velocity: [m/s], shape (n, 3).
         angular_velocity: Angular velocity [rad/s], shape (n, 3).
         acceleration: [m/s^2], shape (n, 3).
         angular_acceleration: Angular acceleration [rad/s^2], shape (n, 3).
-        ends: Where they begin and end [m], shape (n, 2, 3): the same for what has no length.
+        ends: Begin and end [m], shape (n, 2, 3): the same point for entities without length.
     """
 
     position: np.ndarray
@@ -152,7 +152,7 @@ _INSTANT = 1e-6  # s, between two looks at the rates of what is prescribed
 
 
 class Kind(enum.Enum):
-    """What an entity is; the value is also its first tag."""
+    """The kind of an entity; the value is also its first tag."""
 
     POINT = "point"
     NODE = "node"
@@ -166,7 +166,7 @@ class Entity:
     Attributes:
         name: Unique name: of a point, `node_<layer>_<i>_<j>`, or `<arm>_link_<k>`.
         row: Its row in `Kinematics`.
-        kind: What it is.
+        kind: Its kind.
         description: The same for a person.
         tags: Words by which it can be chosen.
         still: It is clamped and never moves.
@@ -201,7 +201,7 @@ class Entities:
     """The entities of one simulation.
 
     Args:
-        simulation: What they belong to.
+        simulation: Their simulation.
 
     Attributes:
         all: The entities by name: points, then nodes, then links.
@@ -235,7 +235,7 @@ class Entities:
         self.all = {entity.name: entity for entity in found}
 
     def instant(self) -> Instant:
-        """Return what the simulation is doing; on the thread that owns it. What is returned may go elsewhere."""
+        """Return the motion of the simulation; on the thread that owns it. The result may go to other threads."""
         time, model = self._simulation.time, self._simulation.model
         # Not from the forces: in stiff directions these answer to errors of a position far below the accuracy.
         motion = self._simulation.last_step.at(time, model)

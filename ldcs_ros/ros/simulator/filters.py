@@ -40,13 +40,13 @@ _CLASSES = {
 
 
 class NameFilter:
-    """Tells whether a whole name matches an expression; an empty one lets every name pass.
+    """A filter of whole names by an expression; an empty one lets every name pass.
 
     Args:
         expression: POSIX extended regular expression.
 
     Raises:
-        ValueError: It is none; says where.
+        ValueError: It is invalid; the text names the place.
     """
 
     def __init__(self, expression: str) -> None:
@@ -84,7 +84,7 @@ def _may_be_empty(tree: Tree, *, start: bool, end: bool) -> bool:
 
 
 def _derivatives(tree: Tree, character: str, start: bool) -> frozenset[Tree]:
-    # What may remain of a tree once it has taken a character.
+    # The possible remainders of a tree after a character.
     kind = tree[0]
     if kind == "one":
         return frozenset({_EMPTY}) if (character in tree[1]) != tree[2] else frozenset()
@@ -106,7 +106,7 @@ def _derivatives(tree: Tree, character: str, start: bool) -> frozenset[Tree]:
 
 
 def _characters(tree: Tree) -> int:
-    # How long it is with its counts written out.
+    # Its length with its counts written out.
     kind = tree[0]
     if kind == "repeat":
         _, part, low, high = tree
@@ -248,7 +248,7 @@ class Region(ABC):
 
     @abstractmethod
     def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Tell which segments meet it, from where they begin and end [m], shape (n, 3); shape (n,)."""
+        """Return which segments meet it, from where they begin and end [m], shape (n, 3); shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ class Box(Region):
         return cls(corners.min(axis=0), corners.max(axis=0))
 
     def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Tell which segments meet it: whether the parts inside the three slabs have something in common."""
+        """Return which segments meet it: whether the parts inside the three slabs have something in common."""
         way = end - begin
         with np.errstate(divide="ignore", invalid="ignore"):
             one, other = (self.low - begin) / way, (self.high - begin) / way
@@ -303,7 +303,7 @@ class Sphere(Region):
         return cls(centre, float(second[0]))
 
     def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Tell which segments meet it: whether their nearest points are inside."""
+        """Return which segments meet it: whether their nearest points are inside."""
         way = end - begin
         length = np.sum(way**2, axis=1)
         along = np.sum((self.centre - begin) * way, axis=1) / np.where(length > 0.0, length, 1.0)
