@@ -100,7 +100,9 @@ def _derivatives(tree: Tree, character: str, start: bool) -> frozenset[Tree]:
         _, part, low, high = tree
         if high == 0:
             return frozenset()
-        again = ("repeat", part, max(low - 1, 0), None if high is None else high - 1)
+        # Iterations that match nothing here, such as ^ at the start, may come before the one that takes the character.
+        least = 0 if _may_be_empty(part, start=start, end=False) else max(low - 1, 0)
+        again = ("repeat", part, least, None if high is None else high - 1)
         return frozenset(_sequence(one, again) for one in _derivatives(part, character, start))
     return frozenset()
 
