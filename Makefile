@@ -54,6 +54,9 @@ fuzz: setup  ## send random messages, calls, parameters for ten minutes, write d
 faults: setup  ## flood, joining subscribers, kill -9, a full disk (three minutes), write docs/under_load.md
 	@$(LOAD) flood joins kill disk
 
+hostile: setup  ## give 1000 mutated bags to six verbs and read 3000 mutated YAML files, print the counts: COUNT=50 SEED=7
+	@$(BIN)/python tools/stress/hostile_files.py --seed $(or $(SEED),1) $(if $(COUNT),--bags $(COUNT) --files $(COUNT))
+
 attack: setup  ## attack the bridge with each event of the table (half an hour), write it into docs/bridge.md: ATTACK='--only serial'
 	@source tools/environment.sh && exec $(BIN)/python tools/attack $(or $(ATTACK),--slow --write docs/bridge.md)
 
@@ -112,4 +115,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults attack coverage mutants types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs lock clean

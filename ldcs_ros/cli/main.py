@@ -7,6 +7,7 @@ import difflib
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple, NoReturn
 
@@ -59,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if argv is None else argv)
     try:
+        # An overflow of foreign numbers shows in the result, which is checked: the lines of NumPy say nothing more.
+        warnings.simplefilter("ignore", RuntimeWarning)
         status = _dispatch(words)
         sys.stdout.flush()
         return status

@@ -109,6 +109,11 @@ def fluid_pressure(time_ns: int, frame: str, absolute: float, variance: float) -
     )
 
 
+def text(content: str) -> bytes:
+    """Return a String."""
+    return encode(message_class("std_msgs/msg/String")(data=content))
+
+
 def clock(time_ns: int) -> bytes:
     """Return a Clock."""
     return encode(message_class("rosgraph_msgs/msg/Clock")(clock=time_message(time_ns)))

@@ -170,7 +170,7 @@ _ALL = (
         measured=True,
     ),
     Topic("/clock", "rosgraph_msgs/msg/Clock", "out", "simulation time", depth=1),
-    Topic("/tf", "tf2_msgs/msg/TFMessage", "out", "points in ldcs_base", depth=100),
+    Topic("/tf", "tf2_msgs/msg/TFMessage", "out", "points and links of the arms in ldcs_base", depth=100),
     Topic(
         "/tf_static",
         "tf2_msgs/msg/TFMessage",
@@ -178,6 +178,15 @@ _ALL = (
         "trakstar_base in ldcs_base",
         transient_local=True,
         depth=1,
+    ),
+    Topic(
+        "robot_description",
+        "std_msgs/msg/String",
+        "out",
+        "URDF of the arms, for the display RobotModel of RViz; with /tf",
+        transient_local=True,
+        depth=1,
+        recorded=False,
     ),
 )
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import nanoseconds
 from ldcs_ros.messages.display.markers import MARKER_TOPICS, DrawableState, Markers
+from ldcs_ros.messages.display.robot_model import RobotModel
 from ldcs_ros.messages.frames import Frames
 from ldcs_ros.messages.lattice import NodeCloud, lattice_state
 from ldcs_ros.messages.topics import TOPICS, Topic, expand
@@ -74,25 +76,37 @@ class Reports:
             self.topics["/clock"] = TOPICS["/clock"]
         if settings.publish_tf:
             self.topics |= {name: TOPICS[name] for name in ("/tf", "/tf_static")}
+            if simulation.arm_names:
+                self.topics["robot_description"] = TOPICS["robot_description"]
+
+    @cached_property
+    def _robot(self) -> RobotModel:
+        simulation = self._simulation
+        return RobotModel(simulation.lattice, simulation.points, simulation.scene.effects)
 
     def report_static(self, time: float) -> None:
-        """Report the fixed transform of the tracker's base at a time [s]."""
+        """Report the fixed transform of the tracker's base at a time [s], and the URDF of the arms."""
         if self._settings.publish_tf:
             identity = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
             base = messages.transform(nanoseconds(time), self._frames.base, self._frames.tracker, *identity)
             self._send("/tf_static", messages.transforms([base]), nanoseconds(time))
+            if self._simulation.arm_names:
+                self._send("robot_description", messages.text(self._robot.description()), nanoseconds(time))
 
     def report_clock(self, time: float, state: State) -> None:
         """Report the simulation time [s] on /clock."""
         self._send("/clock", messages.clock(nanoseconds(time)), nanoseconds(time))
 
     def report_transforms(self, time: float, state: State) -> None:
-        """Report the frames of the points at a time [s] on /tf."""
+        """Report the frames of the points and of the arms' links at a time [s] on /tf."""
         now, base, named = nanoseconds(time), self._frames.base, self._frames.named
         stamped = [
             messages.transform(now, base, named(point), *self._simulation.points[point].pose(state.position))
             for point in self._truth
         ]
+        if self._simulation.arm_names:
+            links = self._robot.link_poses(state.link_angle)
+            stamped += [messages.transform(now, base, named(link), *pose) for link, pose in links.items()]
         self._send("/tf", messages.transforms(stamped), now)
 
     def report_state(self, time: float, state: State) -> None:
