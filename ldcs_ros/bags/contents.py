@@ -14,7 +14,14 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 
 from ldcs_ros.bags.bag_file import SUMMARY_RECORD, BagFile
 from ldcs_ros.bags.mcap_file import CUSTOM_DATA_RECORD, McapFile
-from ldcs_ros.bags.metadata import ROOT_KEY, BagCard, FileSummary, bag_information, parse_card, topic_summary
+from ldcs_ros.bags.metadata import (
+    ROOT_KEY,
+    BagMetadata,
+    FileSummary,
+    bag_information,
+    parse_metadata,
+    topic_summary,
+)
 from ldcs_ros.bags.scan import Scan, read_index
 from ldcs_ros.bags.schemas import ROS_DISTRO
 from ldcs_ros.errors import RecordingError
@@ -76,12 +83,12 @@ class Contents:
             self.ros_distro = record.metadata.get("ROS_DISTRO", self.ros_distro)
             text = f"{ROOT_KEY}:\n" + indent(record.metadata.get("serialized_metadata", ""), "  ")
             with suppress(RecordingError):
-                self.add_card(parse_card(text, SUMMARY_RECORD))
+                self.add_bag_metadata(parse_metadata(text, SUMMARY_RECORD))
 
-    def add_card(self, card: BagCard) -> None:
+    def add_bag_metadata(self, metadata: BagMetadata) -> None:
         """Add values of metadata.yaml that the records lack."""
-        self.custom_data = self.custom_data or card.custom_data
-        distro = card.content.get("ros_distro")
+        self.custom_data = self.custom_data or metadata.custom_data
+        distro = metadata.content.get("ros_distro")
         self.ros_distro = self.ros_distro or (distro if isinstance(distro, str) else "")
 
     def summary(self, name: str) -> FileSummary:

@@ -131,7 +131,7 @@ class McapFile:
 
     Args:
         path: The file; it is opened again at each pass.
-        advice: What to do about damage, for errors.
+        advice: Remedy of damage, for errors.
 
     Attributes:
         channels: Channel id -> channel.
@@ -214,7 +214,7 @@ class McapFile:
             raise RecordingError(f"{self._path} was cut off before its end; {self._advice}")
 
     def _walk(self, stream: IO[bytes]) -> tuple[_Found, int]:
-        """Return what stands outside of chunks, and the place of the end of the data."""
+        """Return the records outside of chunks, and the place of the end of the data."""
         found = _Found()
         position = len(MAGIC)
         while True:
@@ -354,7 +354,7 @@ class McapFile:
             if opcode == Opcode.MESSAGE:
                 channel, _, time, _ = MESSAGE_HEAD.unpack_from(body)
                 if channel not in self.channels or not block.start <= time <= block.end:
-                    self._refuse(f"the chunk at byte {block.position} holds what its index does not tell")
+                    self._refuse(f"the chunk at byte {block.position} holds records that its index lacks")
                 if channel in wanted:
                     yield time, channel, bytes(body[MESSAGE_HEAD.size :])
 
@@ -424,7 +424,7 @@ def summary_records(stream: IO[bytes], size: int, data_end: int) -> Iterator[Rec
     if opcode != Opcode.FOOTER or start == 0:
         return
     if not data_end <= start <= end or end - start > LARGEST_CHUNK:
-        raise ValueError("the summary is not where the footer says")
+        raise ValueError("the summary is not at the place that the footer names")
     stream.seek(start)
     summary = stream.read(end - start)
     if checksum and zlib.crc32(summary + footer[:SUMMED_FOOTER]) != checksum:

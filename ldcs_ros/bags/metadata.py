@@ -40,13 +40,13 @@ class TopicSummary:
 
 
 @dataclass(frozen=True)
-class BagCard:
-    """What metadata.yaml says, each value as the text in the file.
+class BagMetadata:
+    """The content of metadata.yaml, each value as the text in the file.
 
     Attributes:
         content: Its keys below the root key.
         files: Names of the bag's files, in their order; paths of older versions lose their folders.
-        compression: `file`, `message` or ''; what is compressed.
+        compression: Compressed unit: `file`, `message` or '' for none.
         custom_data: Texts by name.
     """
 
@@ -68,12 +68,12 @@ class BagCard:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        said = self.content.get("custom_data")
-        return {str(k): v for k, v in said.items() if isinstance(v, str)} if isinstance(said, dict) else {}
+        texts = self.content.get("custom_data")
+        return {str(k): v for k, v in texts.items() if isinstance(v, str)} if isinstance(texts, dict) else {}
 
 
-def parse_card(text: str, origin: str) -> BagCard:
-    """Return what the text of a metadata.yaml says; no value is interpreted, so that no value can be mistaken.
+def parse_metadata(text: str, origin: str) -> BagMetadata:
+    """Return the metadata of a text; values stay texts, so that no reader of YAML can mistake one.
 
     Raises:
         RecordingError: It is no YAML, or has not the root key.
@@ -85,21 +85,21 @@ def parse_card(text: str, origin: str) -> BagCard:
     information = content.get(ROOT_KEY) if isinstance(content, dict) else None
     if not isinstance(information, dict):
         raise RecordingError(f"{origin} has no block {ROOT_KEY!r}")
-    return BagCard(information)
+    return BagMetadata(information)
 
 
-def read_card(folder: Path) -> BagCard:
-    """Return what the metadata.yaml of a bag folder says.
+def read_metadata(folder: Path) -> BagMetadata:
+    """Return the metadata of a bag folder.
 
     Raises:
-        RecordingError: It cannot be read, is larger than bounds allow, or says nothing.
+        RecordingError: It cannot be read, is larger than bounds allow, or is no metadata.
     """
     path = folder / FILE_NAME
     size = check_regular(path)
     if size > LARGEST_METADATA:
         raise RecordingError(f"{path} has {size} bytes, expected at most {LARGEST_METADATA}")
     try:
-        return parse_card(path.read_text(encoding="utf-8"), str(path))
+        return parse_metadata(path.read_text(encoding="utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
         if isinstance(error, RecordingError):
             raise

@@ -16,7 +16,7 @@ import zstandard
 from ldcs_ros.bags import mcap_file, sqlite3_file
 from ldcs_ros.bags.limits import LARGEST_CHUNK, check_regular, unpack
 from ldcs_ros.bags.mcap_file import McapFile
-from ldcs_ros.bags.metadata import FILE_NAME, BagCard, read_card
+from ldcs_ros.bags.metadata import FILE_NAME, BagMetadata, read_metadata
 from ldcs_ros.bags.recording import Decoder, Message, Recording
 from ldcs_ros.bags.sqlite3_file import Sqlite3File
 from ldcs_ros.bags.storage import Definition, StorageFile, StoredChannel
@@ -44,8 +44,8 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     """
     bag = Path(path)
     with _one_line(bag):
-        card, files, notes = _contents(bag)
-        source = _Bag(bag, files, card.compression == "message")
+        metadata, files, notes = _contents(bag)
+        source = _Bag(bag, files, metadata.compression == "message")
         topics: dict[str, TopicInfo] = {}
         counts: dict[str, int] = {}
         for channel in source.channels:
@@ -64,10 +64,10 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
         filled = [file for file in source.files if file.end or any(c.count for c in file.channels.values())]
         start, end = min((f.start for f in filled), default=0), max((f.end for f in filled), default=0)
         total = sum(channel.count for file in source.files for channel in file.channels.values())
-        said = card.content.get("message_count")
+        said = metadata.content.get("message_count")
         if said is not None and said != str(total):
             notes.append(f"{FILE_NAME} counts {str(said)[:20]} messages, the files hold {total}")
-    custom_data = card.custom_data
+    custom_data = metadata.custom_data
     for file in source.files:
         custom_data = custom_data or dict(file.custom_data)
     return Recording(str(bag), topics, counts, custom_data, start, end, source, tuple(notes))
@@ -139,14 +139,14 @@ def _one_line(bag: Path) -> Iterator[None]:
         raise RecordingError(f"{bag} is damaged or no ROS 2 bag: {one_line(error)[:200]}") from error
 
 
-def _contents(bag: Path) -> tuple[BagCard, tuple[StorageFile, ...], list[str]]:
+def _contents(bag: Path) -> tuple[BagMetadata, tuple[StorageFile, ...], list[str]]:
     """Return what metadata.yaml says, the files that it lists, and notes."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder, a .mcap file or a .db3 file")
     if not bag.is_dir():
         if bag.suffix not in STORAGE_SUFFIXES:
             raise RecordingError(f"{bag} is no bag; expected a bag folder, a .mcap file or a .db3 file")
-        return BagCard({}), (_open(bag, bag),), []
+        return BagMetadata({}), (_open(bag, bag),), []
     here = sorted(file.name for file in bag.iterdir() if _is_storage(file))
     if not (bag / FILE_NAME).exists():
         if not here:
@@ -154,22 +154,22 @@ def _contents(bag: Path) -> tuple[BagCard, tuple[StorageFile, ...], list[str]]:
         repair = "ldcs recover" if here[0].endswith(".mcap") else "ros2 bag reindex"
         raise RecordingError(f"{bag} was not closed: it has no {FILE_NAME}; run `{repair} {bag}`")
     try:
-        card = read_card(bag)
+        metadata = read_metadata(bag)
     except RecordingError as error:
         hint = f"; `ldcs recover {bag}` writes it again" if any(n.endswith(".mcap") for n in here) else ""
         raise RecordingError(f"{bag} is damaged or no ROS 2 bag: {error}{hint}") from error
-    if not card.files:
+    if not metadata.files:
         raise RecordingError(f"{bag / FILE_NAME} lists no files")
-    if card.compression not in ("", "file", "message"):
+    if metadata.compression not in ("", "file", "message"):
         raise RecordingError(
-            f"{bag} has the compression mode {card.compression[:20]!r}, expected file or message"
+            f"{bag} has the compression mode {metadata.compression[:20]!r}, expected file or message"
         )
-    missing = sorted(set(card.files) - {file.name for file in bag.iterdir()})
+    missing = sorted(set(metadata.files) - {file.name for file in bag.iterdir()})
     if missing:
         raise RecordingError(f"{bag} lacks {missing[0]}, which its {FILE_NAME} lists")
-    beside = sorted(set(here) - set(card.files))
+    beside = sorted(set(here) - set(metadata.files))
     notes = [f"left out, since {FILE_NAME} does not list them: {', '.join(beside)}"] if beside else []
-    return card, tuple(_open(bag / name, bag) for name in dict.fromkeys(card.files)), notes
+    return metadata, tuple(_open(bag / name, bag) for name in dict.fromkeys(metadata.files)), notes
 
 
 def _is_storage(file: Path) -> bool:

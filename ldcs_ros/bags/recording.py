@@ -61,7 +61,7 @@ class Recording:
         start: Earliest log time [ns]; 0 when nothing was recorded.
         end: Latest log time [ns]; 0 when nothing was recorded.
         source: Source of the messages.
-        notes: What was left out of it, in words.
+        notes: Omitted parts, in words.
     """
 
     name: str

@@ -16,10 +16,10 @@ from ldcs_ros.bags.contents import Contents, read_contents, write_copy
 from ldcs_ros.bags.limits import check_regular
 from ldcs_ros.bags.metadata import (
     FILE_NAME,
-    BagCard,
+    BagMetadata,
     FileSummary,
     bag_information,
-    read_card,
+    read_metadata,
     sync_folder,
     write_metadata,
 )
@@ -88,8 +88,8 @@ def recover(
     dropped = 0
     whole = Contents()
     try:
-        card = _card(bag)
-        files = _mcap_files(bag, card)
+        metadata = _metadata(bag)
+        files = _mcap_files(bag, metadata)
         done_fraction = _DoneFraction(progress, 2 * sum(check_regular(file) for file in files))
         for file in files:
             with _locked(file) as stream:
@@ -97,7 +97,7 @@ def recover(
                 contents = read_contents(file, stream, size, done_fraction.at)
                 done_fraction.done += size
                 _check_contents(file, contents)
-                contents.add_card(card)
+                contents.add_bag_metadata(metadata)
                 if contents.sound:
                     summaries.append(contents.summary(file.name))
                 else:
@@ -115,9 +115,9 @@ def recover(
             summaries,
             whole.custom_data,
             ros_distro=whole.ros_distro,
-            packed_messages=card.compression == "message",
+            packed_messages=metadata.compression == "message",
         )
-        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(card, information))
+        metadata_written = bag.is_dir() and (bool(rewritten) or not _agrees(metadata, information))
         if metadata_written:
             if (bag / FILE_NAME).exists():
                 originals.append(_keep(bag / FILE_NAME))
@@ -190,7 +190,7 @@ def _replace(file: Path) -> str:
 
 
 def _keep(file: Path) -> str:
-    """Give a file a second name that no reader of bags takes for a bag's file, and return it."""
+    """Give a file another name, which no reader of bags takes for a bag's file, and return it."""
     number = 1
     while (original := file.with_name(f"{file.name}.original{number if number > 1 else ''}")).exists():
         number += 1
@@ -201,7 +201,7 @@ def _keep(file: Path) -> str:
     return original.name
 
 
-def _mcap_files(bag: Path, card: BagCard) -> list[Path]:
+def _mcap_files(bag: Path, metadata: BagMetadata) -> list[Path]:
     """Return the files of a bag in the order of recording (..._9.mcap before ..._10.mcap)."""
     if not bag.exists():
         raise RecordingError(f"no bag at {bag}; give a bag folder or a .mcap file")
@@ -209,9 +209,11 @@ def _mcap_files(bag: Path, card: BagCard) -> list[Path]:
         names = {bag.name}
     else:
         here = {file.name for file in bag.iterdir() if not file.name.startswith(".")}
-        names = here & set(card.files) or {name for name in here if name.endswith((".mcap", ".db3", ".zstd"))}
+        names = here & set(metadata.files) or {
+            name for name in here if name.endswith((".mcap", ".db3", ".zstd"))
+        }
     found = [name for name in names if name.endswith(".mcap")]
-    if not found or len(found) < len(here & set(card.files) if bag.is_dir() else names):
+    if not found or len(found) < len(here & set(metadata.files) if bag.is_dir() else names):
         hint = ""
         if any(name.endswith(".db3") for name in names):
             hint = "; use `ros2 bag reindex` for sqlite3"
@@ -239,20 +241,20 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def _card(bag: Path) -> BagCard:
+def _metadata(bag: Path) -> BagMetadata:
     """Return the content of metadata.yaml; empty when it is missing or unreadable."""
     try:
-        return read_card(bag) if bag.is_dir() else BagCard({})
+        return read_metadata(bag) if bag.is_dir() else BagMetadata({})
     except RecordingError:
-        return BagCard({})
+        return BagMetadata({})
 
 
 _NEEDED = ("storage_identifier", "relative_file_paths", "message_count", "starting_time", "duration")
 
 
-def _agrees(card: BagCard, information: dict[str, Any]) -> bool:
+def _agrees(metadata: BagMetadata, information: dict[str, Any]) -> bool:
     """Return whether metadata.yaml agrees in what readers need: files, span, counts and types of topics."""
-    said = card.content
+    said = metadata.content
     return all(said.get(key) == _as_text(information[key]) for key in _NEEDED) and _topics(
         said.get("topics_with_message_count")
     ) == _topics(_as_text(information["topics_with_message_count"]))

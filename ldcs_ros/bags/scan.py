@@ -155,7 +155,7 @@ class Scan:
 
 @dataclass(frozen=True)
 class FileIndex:
-    """What the index at the end of a file tells, for what damage took from the data.
+    """The content of the index at the end of a file, for parts of the data that are lost.
 
     Attributes:
         chunks: Places of its chunks, ascending.

@@ -1,4 +1,4 @@
-"""A file of a bag, whatever its storage: its channels, its span, its messages by log time."""
+"""A file of a bag of any storage: its channels, its span, its messages by log time."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _SEPARATOR = "=" * 80 + "\n"
 
 
 class BagTypes:
-    """What decodes the messages of a bag; a definition is read when the first message of its type is decoded.
+    """The decoder of a bag's messages; it reads a definition at the first message of its type.
 
     Args:
         name: The bag, for errors.

@@ -227,7 +227,7 @@ class Lattice:
         if quantity == "whole":
             kept = ~np.isin(self.index[0], self.missing)
             return (kept[1:, 1:] & kept[1:, :-1] & kept[:-1, 1:] & kept[:-1, :-1]).astype(float)
-        # Where regions overlap their factors multiply.
+        # Factors of overlapping regions multiply.
         (length, width), (nx, ny) = self.size[:2], self.nodes
         x, y = np.meshgrid(
             (np.arange(nx - 1) + 0.5) * length / (nx - 1),
@@ -256,7 +256,7 @@ def _mean_of_cells(cells: np.ndarray, first: np.ndarray, last: np.ndarray) -> fl
 
 
 def _check_in_one_piece(kept: np.ndarray) -> None:
-    # Neighbours share a spring, also along a diagonal.
+    # A spring joins neighbours, also along a diagonal.
     from scipy.ndimage import label
 
     pieces = label(kept, structure=np.ones((3, 3)))[1]

@@ -260,7 +260,7 @@ def _point(
     around: tuple[Stencil, ...],
     patch: np.ndarray,
 ) -> Point:
-    # At a hole the point itself stands in for a neighbour that is missing, as at an edge.
+    # At a hole the point itself replaces a missing neighbour, as at an edge.
     behind, ahead, right, left = (
         here if np.isin(one.nodes[one.weight > 0.0], lattice.missing).any() else one for one in around
     )

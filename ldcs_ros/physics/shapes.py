@@ -77,7 +77,7 @@ class SheetRegion:
     """A part of the sheet with properties of its own, as factors of the sheet's.
 
     Attributes:
-        shape: Where it is.
+        shape: Its shape.
         stiffness: Factor of the springs' stiffness.
         damping: Factor of the dampers' coefficient.
         mass: Factor of the nodes' mass.

@@ -16,7 +16,7 @@ class State:
         position: Node positions in ldcs_base [m], shape (n_nodes, 3), order layer, i, j; NaN for nodes in holes.
         velocity: Node velocities in ldcs_base [m/s], shape (n_nodes, 3); NaN for nodes in holes.
         link_angle: Angle of each link against its arm's line on the flat sheet [rad], shape (n_arms, n_links),
-            in the order of the scene's arms; where arms differ in links, a shorter one ends in zeros.
+            in the order of the scene's arms. If arms differ in links, a shorter one ends in zeros.
         link_rate: Its time derivative [rad/s], same shape.
         pressure: Gauge pressure of each arm [Pa], shape (n_arms,), or (0,) without a pressure drive.
         memory: The simulation's own part (commands, the step under way), with which it continues to the bit; opaque.

@@ -63,7 +63,7 @@ class Replay:
         verdict: Comparison with the original; None if it is another run by intent.
         recorder: The bag that was written.
         start: Simulation time at which it began [s].
-        notes: What was left out of the bag, in words.
+        notes: Omitted parts of the bag, in words.
     """
 
     twin: Twin

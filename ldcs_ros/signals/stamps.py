@@ -20,13 +20,13 @@ LEAST_MESSAGES = 3
 
 @dataclass(frozen=True)
 class StampedTimes:
-    """When messages hold, on the recorder's clock.
+    """The times of messages, on the recorder's clock.
 
     Attributes:
         time: Times [ns], shape (n,).
         usable: The time is that of the stamp, shape (n,); else it follows from the log time.
-        clock_offset: What the stamps' clock is ahead of the recorder's, first [ns]; None if it is the same.
-        clock_steps: How far the stamps' clock was set while it was recorded [ns], each time.
+        clock_offset: First lead of the stamps' clock over the recorder's [ns]; None if it is the same.
+        clock_steps: Each step of the stamps' clock during the recording [ns].
     """
 
     time: np.ndarray

@@ -500,7 +500,7 @@ def _couplings(
 
 
 def _corners_in_use(weight: np.ndarray) -> list[int]:
-    # Where all points lie on lines of nodes, two corners of each cell hold them.
+    # If all points lie on lines of nodes, two corners of each cell hold them.
     if not weight[:, 2:].any():
         return [0, 1]
     return [0, 2] if not weight[:, [1, 3]].any() else [0, 1, 2, 3]
