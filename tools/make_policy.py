@@ -1,4 +1,4 @@
-"""Write the SROS2 policy of the three nodes from the tables of the code: what each one does, and nothing else.
+"""Write the SROS2 policy of the three nodes from the tables of the code: it permits their actions and nothing else.
 
 python tools/make_policy.py                                  writes ldcs_ros/config/sros2_policy.xml
 python tools/make_policy.py --scene my.yaml --rig my_rig.yaml -o my_policy.xml    for other points, other rigs
@@ -24,11 +24,11 @@ from ldcs_ros.ros.common.service_table import BRIDGE_SERVICES, SIM_SERVICES, Ser
 
 POLICY = Path(__file__).resolve().parents[1] / "ldcs_ros/config/sros2_policy.xml"
 EXPLANATION = """
-  What each node may do under SROS2, written by tools/make_policy.py from the tables of the code: everything that it
-  uses, and nothing else. Who commands the twin, or reads it, has a policy of his own: docs/security.md.
+  The permissions of each node under SROS2, written by tools/make_policy.py from the tables of the code: everything
+  that it uses, and nothing else. Senders of commands and readers have policies of their own: docs/security.md.
 """
 
-# What rclpy gives every node, and every lifecycle node.
+# Services and topics of rclpy in every node, and in every lifecycle node.
 NODE_TOPICS = ("/parameter_events", "/rosout")
 NODE_SERVICES = (
     "~/describe_parameters",
@@ -52,7 +52,7 @@ CLOCK = "/clock"
 
 @dataclass
 class Permissions:
-    """What a node may do; names as ROS takes them: absolute, relative to its namespace, or '~/' to itself."""
+    """The permissions of a node; names as ROS takes them: absolute, relative to its namespace, or '~/' to itself."""
 
     namespace: str
     node: str

@@ -40,8 +40,8 @@ SIM = """\
 
 Node `/ldcs/ldcs_sim`, a lifecycle node with the standard services (`~/change_state`, `~/get_state`, ...);
 `autostart` configures and activates it. Services of `ldcs_msgs` and of ros-simulation's `simulation_interfaces`
-are offered where these packages are installed. `{point}` stands for each named point of the scene, `{arm}` for
-`left` and `right`. Reliability, durability, history and depth of each topic can be overridden:
+are offered where these packages are installed. `{point}` is a placeholder for each named point of the scene,
+`{arm}` for each arm. Reliability, durability, history and depth of each topic can be overridden:
 `qos_overrides./ldcs/nodes.publisher.reliability: best_effort`.
 """
 
@@ -60,19 +60,19 @@ Node `/mock_rig`: a mock rig. With the transports `modbus` and `serial` only the
 topic.
 """
 
-# What the checks of a scene file cannot say of themselves.
+# The keys of a scene file in words.
 SCENE_KEYS = {
     "title": "one line for people",
     "lattice": "`size: [x, y, z]` m; `nodes: [nx, ny]`, 2 and more along x and y, always two layers; `mass` kg, "
     "unless there is a `material`",
-    "material": "what the sheet is made of, instead of mass, stiffness and damping",
+    "material": "material of the sheet, instead of mass, stiffness and damping",
     "points": "names of places: `[layer, i, j]`, layer `bottom`, `top` or `mid`; or `[layer, centre]`, "
     "`[layer, free_edge]` at any number of nodes",
     "effects": "list of effects, each with its `type`; only these are built",
-    "inputs": "what is commanded when nobody commands, in order of time: list of `{time: s}` with `torque` N m (a "
+    "inputs": "schedule of commands without a sender, in order of time: list of `{time: s}` with `torque` N m (a "
     "number, one for each arm, or one for each joint), `pressure` Pa (a number, or one for each arm), or "
     "`wrench: {frame, force: N, torque: N m}`",
-    "sensors": "what is measured; a scene without them computes none",
+    "sensors": "measurements; a scene without them computes none",
     "solver": "`{integrator: auto, accuracy: m}`, 1e-10 ... 1e-2; or `{integrator: NAME, dt: s}` for a fixed step",
 }
 
@@ -104,7 +104,7 @@ def page() -> str:
 
 _MOCK_MEANINGS = {
     TRACKER: "the rig's tracker, one message a probe, on the rig's own clock",
-    SETPOINT: "what its valves are set to, gauge [mbar], left, right",
+    SETPOINT: "set-points of its valves, gauge [mbar], left, right",
     "/rig/{arm}/pressure": "measured pressure [Pa], absolute",
     "~/chambers": "true gauge pressures [Pa] left, right, the largest so far, smallest and largest set-point asked for",
 }
@@ -133,7 +133,7 @@ def _topics(topics: Iterable[Topic]) -> str:
                 ]
             ),
             "yes" if topic.recorded else "",
-            topic.meaning + ("; built only while somebody listens" if topic.on_demand else ""),
+            topic.meaning + ("; built only while it has subscribers" if topic.on_demand else ""),
         )
         for topic in topics
     ]
@@ -181,7 +181,7 @@ def _messages() -> str:
 
 
 def _scene() -> str:
-    assert tuple(SCENE_KEYS) == TOP_KEYS, f"tell what each key of a scene means: {TOP_KEYS}"
+    assert tuple(SCENE_KEYS) == TOP_KEYS, f"describe each key of a scene: {TOP_KEYS}"
     keys = _table(("key", "meaning"), [(f"`{key}`", text) for key, text in SCENE_KEYS.items()])
     sensors = [
         (f"`{sensor}`", f"`{p['name']}`", value_text(p), f"{_short(p['low'])} ... {_short(p['high'])}")

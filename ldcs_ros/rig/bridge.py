@@ -288,8 +288,8 @@ class Bridge:
     def _monitor_valve(self, arm: str, now: float) -> None:
         # Without set-points of the rig the twin follows the measurement itself: nothing to compare.
         if self._setpoints or self.mode is Mode.LIVE:
-            called = float(self.follower.pressure[self.twin.simulation.arm_names.index(arm)])
-            self.valve_monitor.take(arm, now, self.measured[arm], called)
+            expected = float(self.follower.pressure[self.twin.simulation.arm_names.index(arm)])
+            self.valve_monitor.take(arm, now, self.measured[arm], expected)
 
     def _record_packets(self) -> None:
         packets = [packet for link in self.links for packet in link.take_packets()]

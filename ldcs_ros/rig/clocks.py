@@ -45,7 +45,7 @@ class ClockEstimate:
         self._last_stamp: float | None = None
         self._last_answer: float | None = None
         self._answered_at = -math.inf
-        self._behind = 0
+        self._backward_count = 0
         self._lock = threading.Lock()  # a link's thread and the bridge's both report
 
     def one_way(self, stamp: float, received: float) -> bool:
@@ -72,8 +72,8 @@ class ClockEstimate:
             believed = self.offset if self._round_trips else None
             if believed is not None:
                 ahead = offset < believed - JUMP - 0.5 * duration
-                behind = self._last_answer is not None and stamp < self._last_answer - JUMP
-                if ahead or behind:
+                backward = self._last_answer is not None and stamp < self._last_answer - JUMP
+                if ahead or backward:
                     self._restart(believed - offset)
                     believed = None
             self._round_trips.append((duration, offset))
@@ -107,11 +107,11 @@ class ClockEstimate:
             if difference < offset - JUMP:
                 self._restart(offset - difference)
             elif stamp < before - JUMP:
-                self._behind += 1
-                if self._behind < 2:
+                self._backward_count += 1
+                if self._backward_count < 2:
                     return True
                 self._restart(offset - difference)
-        self._behind = 0
+        self._backward_count = 0
         self._last_stamp = stamp if before is None else max(stamp, self._last_stamp or stamp)
         return False
 

@@ -32,6 +32,10 @@ OLD_NAMES = (
     "NO_ANSWER", "honest", "_DISHONEST", "Heard", "usual_offset", "stabilised", "StandInRig", "Stand", "Speaker",
     "Course", "Outputs", "Mirror", "Watched", "Trail",
     "rest_position", "rest_state", "fill_turns", "turned_vectors", "crosspiece_end", "next_switch", "NO_ENTRIES",
+    "WILD", "_fresh", "_live", "Means", "Motions", "turning", "turning_rate", "stairs", "WrenchCourses", "sentinel",
+    "deaf", "chores", "_chore", "Periodic", "_turn", "obstacles", "stop_signals", "starved", "corrections", "anew",
+    "Intake", "_called_for", "called", "beats", "RawFrame", "take_frames", "valve_watch", "_stand", "stand_in_rig",
+    "throttled_log", "TagChoice", "meets", "dress", "sure", "ways", "judgement", "courses", "PatchedMessage",
     "IN_LAYER_SHARE", "END_SHARE", "SHAPES",
 )  # fmt: skip
 

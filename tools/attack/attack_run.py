@@ -77,7 +77,7 @@ class Event:
         transport: 'modbus', 'serial' or 'topics'.
         act: Makes it happen.
         phase: When.
-        outcome: What is safe.
+        outcome: Expected safe outcome.
         seen: Pattern of a line that the operator must see; '' for none.
         exits: Exit statuses that are right at the end; None for any but 0.
         heals: The device stops misbehaving 2 s later; without a vent meanwhile, the time counts from there.
@@ -126,7 +126,7 @@ class Run:
 
     Args:
         event: The event.
-        folder: Where its files go.
+        folder: Folder of its files.
         domain: ROS domain.
     """
 
@@ -231,7 +231,7 @@ class Run:
             self.close()
 
     def close(self) -> None:
-        """Stop what it started; keep the terminals and what the graph told beside the other files."""
+        """Stop its processes; keep the terminals and the records of the graph beside the other files."""
         terminal = [(moment, line) for bridge in self.bridges for moment, line in bridge.lines]
         lines = sorted([*terminal, *self.operator.heard])
         text = [f"{moment - self.reference:+9.3f} {line}\n" for moment, line in lines]
@@ -275,7 +275,7 @@ class Run:
             time.sleep(0.2)
 
     def _heal(self) -> None:
-        """Let the device misbehave for 2 s; where it could not be vented meanwhile, let the time count from its end."""
+        """Let the device misbehave for 2 s; count the time from its end if no vent was possible meanwhile."""
         time.sleep(2.0)
         vented = self.chambers.empty_since(EMPTY, time.monotonic()) is not None
         self.device.heal()

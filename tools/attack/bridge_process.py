@@ -116,7 +116,7 @@ def prefer_devices() -> None:
     try:
         os.setpriority(os.PRIO_PROCESS, 0, DEVICE_PRIORITY)
     except PermissionError:
-        pass  # then they share the machine evenly
+        pass  # then they run with equal priority
 
 
 def _prepare(limit: Callable[[], None] | None) -> None:

@@ -33,7 +33,7 @@ class Held:
 
 
 class Chambers:
-    """Two chambers behind valves that keep the last set-point for ever.
+    """Two chambers with valves that keep the last set-point for ever.
 
     Attributes:
         requests: Every set-point that a bridge asked for: time [s], left, right [mbar].

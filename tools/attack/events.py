@@ -64,7 +64,7 @@ def pause(duration: float) -> Act:
 
 
 def hit_output(number: int, then: int | None = None) -> Act:
-    """Send a signal to the process of the output stage, and another one a second later."""
+    """Send a signal to the process of the output stage, and another one 1 s later."""
 
     def act(run: Run) -> None:
         pid = run.output_process()

@@ -56,11 +56,11 @@ class Island:
     Attributes:
         chambers: The chambers.
         answered: Number of answers.
-        fault: What it does wrong now; '' for nothing.
+        fault: Present fault; '' for none.
         away: It is unplugged.
         remaining: Answers that the fault still spoils; None for all.
         delay: Added to each answer with the fault 'delayed' [s].
-        drift: The measured values are older by so many seconds per second from `drift_from`.
+        drift: The measured values lag by this many seconds per second from `drift_from`.
     """
 
     def __init__(self, seed: int = 3) -> None:

@@ -1,4 +1,4 @@
-"""An operator of the bridge: commands at 50 Hz, arm and disarm, and all that the graph tells."""
+"""An operator of the bridge: commands at 50 Hz, arm and disarm, and all reports of the graph."""
 
 from __future__ import annotations
 

@@ -37,13 +37,13 @@ class SerialDevice:
     """Speaks on a pseudo terminal, whose path is a link in a folder, until `close`.
 
     Args:
-        folder: Where the link to the terminal lives.
+        folder: Folder of the link to the terminal.
 
     Attributes:
         chambers: The chambers.
-        fault: What it does wrong now; '' for nothing.
+        fault: Present fault; '' for none.
         away: It is unplugged.
-        drift: The reports are older by so many seconds per second from `drift_from`.
+        drift: The reports lag by this many seconds per second from `drift_from`.
     """
 
     def __init__(self, folder: Path) -> None:

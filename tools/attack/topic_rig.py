@@ -41,10 +41,10 @@ class TopicRig:
 
     Attributes:
         chambers: The chambers.
-        fault: What it does wrong now; '' for nothing.
+        fault: Present fault; '' for none.
         tracks: A tracker reports both points, with leaps of centimetres.
         away: It is unplugged.
-        drift: The reports are older by so many seconds per second from `drift_from`.
+        drift: The reports lag by this many seconds per second from `drift_from`.
     """
 
     def __init__(self, domain: int) -> None:

@@ -104,7 +104,7 @@ class ModbusDevice(Device):
         if setpoint is not None:
             self._write(setpoint)
         registers = self._map
-        wanted = self._read("read_holding_registers", registers.setpoint, len(ARM_NAMES))
+        setpoints = self._read("read_holding_registers", registers.setpoint, len(ARM_NAMES))
         actual = self._read("read_input_registers", registers.actual, len(ARM_NAMES))
         stamp = None
         if registers.clock >= 0:
@@ -112,7 +112,7 @@ class ModbusDevice(Device):
             high, low = self._read("read_input_registers", registers.clock, 2)
             stamp = ((high << 16 | low) % _MILLISECONDS_A_TURN) * 1e-3
             self.round_trip(sent, stamp, self.clock())
-        for name, setting, pressure in zip(ARM_NAMES, wanted, actual, strict=True):
+        for name, setting, pressure in zip(ARM_NAMES, setpoints, actual, strict=True):
             self.report("pressure_command", name, self._pascal(setting), stamp=stamp)
             self.report("pressure", name, self._pascal(pressure), stamp=stamp)
 

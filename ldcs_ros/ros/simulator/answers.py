@@ -87,19 +87,19 @@ class TagFilter:
     """A filter by tags; one without tags lets everything pass.
 
     Args:
-        wanted: The tags and the mode.
+        tags_filter: The tags and the mode.
 
     Raises:
         ResultError: The mode is unknown.
     """
 
-    def __init__(self, wanted: TagsFilter) -> None:
+    def __init__(self, tags_filter: TagsFilter) -> None:
         modes = (TagsFilter.FILTER_MODE_ANY, TagsFilter.FILTER_MODE_ALL)
-        if wanted.filter_mode not in modes:
-            reason = f"tag filter mode {wanted.filter_mode}, expected any ({modes[0]}) or all ({modes[1]})"
+        if tags_filter.filter_mode not in modes:
+            reason = f"tag filter mode {tags_filter.filter_mode}, expected any ({modes[0]}) or all ({modes[1]})"
             raise ResultError(Result.RESULT_OPERATION_FAILED, reason)
-        self._tags = frozenset(wanted.tags)
-        self._all = wanted.filter_mode == TagsFilter.FILTER_MODE_ALL
+        self._tags = frozenset(tags_filter.tags)
+        self._all = tags_filter.filter_mode == TagsFilter.FILTER_MODE_ALL
 
     def matches(self, tags: Iterable[str]) -> bool:
         """Return whether something with these tags passes."""
