@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,6 +21,8 @@ from ldcs_ros.plotting.style import (
 from ldcs_ros.signals.tracks import Track
 
 KPA = 1e-3
+KEY_ROWS = 14
+DASHES: tuple[Any, ...] = ("solid", (0, (3, 2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 
 
 def drives_figure(
@@ -47,21 +50,24 @@ def drives_figure(
         panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
     if not panels:
         return None
+    merged = [[(group, _label(group, lines), track) for group, track in _merged(lines)] for _, lines in panels]
+    key_columns = max(math.ceil(len(groups) / KEY_ROWS) for groups in merged)
+    longest = max(len(label) for groups in merged for _, label, _ in groups)
     figure, grid = stacked_axes(
         len(panels),
         style,
         row=0.92 * style.row,
         foot=3.8,
         head=3.8 if style.headed else 0.8,
-        right=10.8,
+        right=max(10.8, key_columns * (3.6 + 0.56 * longest)),
         hspace=0.16,
     )
-    for axes, (label, lines) in zip(grid, panels, strict=True):
-        for group, track in _merged(lines):
+    for axes, (label, lines), groups in zip(grid, panels, merged, strict=True):
+        for group, name, track in groups:
             axes.plot(
                 track.time,
                 track.value,
-                label=_label(group, lines),
+                label=name,
                 linewidth=1.6 * style.scale,
                 **_line_style(group[0], lines),
             )
@@ -76,6 +82,7 @@ def drives_figure(
             fontsize=style.label - 1.0,
             labelspacing=0.35,
             handlelength=2.0 * style.scale,
+            ncols=math.ceil(len(groups) / KEY_ROWS),
         )
     add_title(figure, title, style=style)
     return figure
@@ -102,14 +109,14 @@ def _merged(lines: Mapping[str, Track]) -> list[tuple[list[str], Track]]:
 
 
 def _label(names: list[str], lines: Mapping[str, Track]) -> str:
-    """Return `left joint 1`, `joints 2-4` (of both arms), `left`, `both`: the name of a merged line."""
-    arms = list(dict.fromkeys(name.partition("_")[0] for name in names))
-    joints = list(dict.fromkeys(name.partition("_")[2].removeprefix("joint_") for name in names))
-    all_arms = {name.partition("_")[0] for name in lines}
+    """Return `left joint 1`, `joints 2-4` (of all arms), `left`, `all arms`: the name of a merged line."""
+    arms = list(dict.fromkeys(_arm_and_joint(name)[0] for name in names))
+    joints = list(dict.fromkeys(_arm_and_joint(name)[1] for name in names))
+    all_arms = {_arm_and_joint(name)[0] for name in lines}
     if joints == [""]:
-        return "both" if len(arms) > 1 else arms[0]
+        return "all arms" if len(arms) == len(all_arms) > 1 else ", ".join(arms)
     if len(names) < len(arms) * len(joints):
-        return ", ".join(name.replace("_", " ") for name in names)
+        return ", ".join(" joint ".join(_arm_and_joint(name)) for name in names)
     numbered = f"joint{'s' if len(joints) > 1 else ''} {_range(joints)}"
     return numbered if len(arms) == len(all_arms) else f"{' '.join(arms)} {numbered}"
 
@@ -121,10 +128,16 @@ def _range(joints: list[str]) -> str:
 
 
 def _line_style(name: str, lines: Mapping[str, Track]) -> dict[str, Any]:
-    # A colour for each joint; the right arm dashed, so that nearly equal arms both show.
-    arm, _, joint = name.partition("_")
-    kinds = list(dict.fromkeys(one.partition("_")[2] for one in lines))
+    # A colour for each joint and dashes for each arm, so that nearly equal arms all show.
+    arms, joints = (list(dict.fromkeys(_arm_and_joint(one)[part] for one in lines)) for part in (0, 1))
+    arm, joint = _arm_and_joint(name)
     return {
-        "color": LINE_COLOURS[kinds.index(joint) % len(LINE_COLOURS)],
-        "linestyle": (0, (3, 2)) if arm == "right" else "solid",
+        "color": LINE_COLOURS[joints.index(joint) % len(LINE_COLOURS)],
+        "linestyle": DASHES[arms.index(arm) % len(DASHES)],
     }
+
+
+def _arm_and_joint(name: str) -> tuple[str, str]:
+    """Return `left` and `1` for left_joint_1, `left` and an empty text for left."""
+    arm, _, joint = name.partition("_joint_")
+    return arm, joint
