@@ -38,6 +38,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # result. The switch between compiled and plain kernels changes no result either.
 EXCLUDED_FILES = ["ldcs_ros/physics/compiled.py"]
 EXCLUDED = re.compile(r"BitOr|BitAnd|BitXor|Shift|RemoveDecorator|Comparison.*_(Is|IsNot)$")
+# Also left out: switches that only detect misuse.
+MISUSE = re.compile(r"frozen=|strict=")
 CLIENT = """import socket, sys
 connection = socket.socket(socket.AF_UNIX)
 connection.connect("tests.sock")
@@ -88,12 +90,17 @@ ROOMS = {
 }
 
 
-def sample(items: Sequence[WorkItem], count: int, seed: int) -> list[WorkItem]:
+def sample(items: Sequence[WorkItem], checkout: Path, count: int, seed: int) -> list[WorkItem]:
     """Return one change at each of `count` places; a place is one operator or constant of the source."""
     places: dict[tuple[str, tuple[int, int]], list[WorkItem]] = {}
     for item in items:
         mutation = item.mutations[0]
-        if not EXCLUDED.search(mutation.operator_name):
+        line = (
+            (checkout / mutation.module_path)
+            .read_text(encoding="utf-8")
+            .splitlines()[mutation.start_pos[0] - 1]
+        )
+        if not (EXCLUDED.search(mutation.operator_name) or MISUSE.search(line)):
             places.setdefault((str(mutation.module_path), mutation.start_pos), []).append(item)
     draw = random.Random(seed)
     chosen = draw.sample(sorted(places), min(count, len(places)))
@@ -231,7 +238,7 @@ def run_room(name: str, room: Room, folder: Path, *, count: int, seed: int) -> t
     cosmic_ray = [sys.executable, "-m", "cosmic_ray.cli"]
     subprocess.run([*cosmic_ray, "init", *session], cwd=checkout, check=True)
     with use_db(checkout / session[1], WorkDB.Mode.open) as database:
-        chosen = sample(list(database.work_items), count, seed)
+        chosen = sample(list(database.work_items), checkout, count, seed)
         database.clear()
         database.add_work_items(chosen)
     server = subprocess.Popen(
