@@ -152,3 +152,23 @@ def test_fields_follow_their_dots_and_name_what_is_missing():
         position(rig_bag.array([1.0, 2.0, 3.0]), "", "std_msgs/msg/Float64MultiArray")
     values = rig_bag.array([5.0, 6.0])
     assert numbers(values, "", values.__msgtype__).tolist() == [5.0, 6.0]
+
+
+def test_a_new_report_counts_from_zero_and_each_bad_value_once(tmp_path):
+    report = ChannelReport("/left")
+    counts = {name: value for name, value in report.as_dict().items() if isinstance(value, int)}
+    assert counts and not any(counts.values()) and report.warnings() == []
+    recording = bag(
+        tmp_path,
+        *(("/valves", WALL + k * MS, rig_bag.array([1.0] * (1 + k % 2))) for k in range(1, 6)),
+    )
+    found = signals(recording, {"topic": "/valves", "to": "left/pressure"})
+    # Of five messages the three with two values are malformed; the others go on.
+    assert len(found.series["left/pressure"].time) == 2
+    assert any("3 malformed" in warning for warning in found.warnings), found.warnings
+
+
+def test_only_fluid_pressure_is_absolute_by_its_type():
+    for kind in ("geometry_msgs/msg/PointStamped", "sensor_msgs/msg/Temperature", "a", "z"):
+        assert default_offset(kind, 9e4) == 0.0
+    assert default_offset("sensor_msgs/msg/FluidPressure", 9e4) == 9e4
