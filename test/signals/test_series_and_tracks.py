@@ -9,11 +9,19 @@ import numpy as np
 import pytest
 
 from ldcs_ros.bags import read_bag
+from ldcs_ros.errors import RecordingError
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.load import load_scene
 from ldcs_ros.signals.series import Series, at_times, clean, curve, reference_is_first, resample_common
 from ldcs_ros.signals.topics import find_topic, guess_mapping
-from ldcs_ros.signals.tracks import cloud_positions, point_tracks, pressure_tracks, snapshots
+from ldcs_ros.signals.tracks import (
+    cloud_positions,
+    point_tracks,
+    pressure_tracks,
+    seconds,
+    snapshots,
+    surface_track,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
 import rig_bag
@@ -199,3 +207,37 @@ def joints(time, k):
         "sensor_msgs/msg/JointState", header=rig_bag.header(time), name=names, position=angles, velocity=angles,
         effort=angles,
     )  # fmt: skip
+
+
+def test_clouds_of_two_sizes_and_clouds_without_coordinates_are_refused(tmp_path):
+    small, large = cloud(10 * MS, np.ones((8, 3))), cloud(20 * MS, np.ones((12, 3)))
+    recording = read_bag(
+        rig_bag.write(tmp_path / "bag", [("/nodes", 10 * MS, small), ("/nodes", 20 * MS, large)])
+    )
+    track = surface_track(recording)
+    assert np.array_equal(track.position(0), np.ones((2, 2, 2, 3)))
+    with pytest.raises(RecordingError, match="differ in size"):
+        track.position(1)
+    bare = cloud(0, np.ones((8, 3)))
+    bare.fields = bare.fields[:2]
+    with pytest.raises(RecordingError, match=r"has the fields \['x', 'y'\]"):
+        cloud_positions(bare)
+    whole = cloud(0, np.ones((8, 3)))
+    whole.fields[1].datatype = 5
+    with pytest.raises(RecordingError, match="expected x, y, z as float32"):
+        cloud_positions(whole)
+
+
+def test_two_values_show_no_gap_and_a_value_at_its_own_time_is_in_none():
+    far = series([0.0, 10.0], [0.0, 10.0])
+    assert resample_common(series([5.0, 6.0], [0.0, 0.0]), far, 0.0)[3] == 0
+    # At 1.5 s a lone value between two gaps of 1 s, with periods of 0.1 s else.
+    time = np.concatenate([np.arange(0.0, 0.55, 0.1), [1.5], np.arange(2.5, 3.05, 0.1)])
+    times, *_, skipped = resample_common(series([0.25, 1.0, 1.5, 2.0], np.zeros(4)), series(time, time), 0.0)
+    assert times.tolist() == [0.25, 1.5] and skipped == 2
+
+
+def test_a_wall_clock_is_told_from_a_simulations_by_ten_years():
+    year = 365 * 86_400 * 10**9
+    assert seconds(np.array([9 * year]), 8 * year)[0] == pytest.approx(9 * 365 * 86_400.0)
+    assert seconds(np.array([11 * year]), 10 * year)[0] == pytest.approx(365 * 86_400.0)

@@ -172,3 +172,15 @@ def test_only_fluid_pressure_is_absolute_by_its_type():
     for kind in ("geometry_msgs/msg/PointStamped", "sensor_msgs/msg/Temperature", "a", "z"):
         assert default_offset(kind, 9e4) == 0.0
     assert default_offset("sensor_msgs/msg/FluidPressure", 9e4) == 9e4
+
+
+def test_bytes_that_are_no_message_are_counted_and_the_others_go_on(tmp_path):
+    kind = "sensor_msgs/msg/FluidPressure"
+    good = [("/left", WALL + k * 10 * MS, rig_bag.fluid(WALL + k * 10 * MS, 100.0 + k)) for k in range(1, 7)]
+    messages = [*good[:3], ("/left", WALL + 35 * MS, (kind, b"\x00\x01\x00\x00\x07")), *good[3:]]
+    report = ChannelReport("/left")
+    found = read_channel(bag(tmp_path, *messages), "/left", report, by="stamp", late=0.1, gap=None)
+    assert [one.message.fluid_pressure for one in found] == [101.0, 102.0, 103.0, 104.0, 105.0, 106.0]
+    assert (report.messages, report.malformed) == (7, 1)
+    text = " ".join(report.warnings())
+    assert "1 malformed" in text and "clock" not in text
