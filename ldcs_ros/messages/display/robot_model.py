@@ -55,7 +55,7 @@ class RobotModel:
                 pitch = float(link_angle[k, link])
                 along = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
                 begin = stations[k, link + 1] - term.link_length[k, link] * along
-                poses[f"{name}_link_{link + 1}"] = begin, _turn(yaw, pitch)
+                poses[f"{name}_link_{link + 1}"] = begin, _link_orientation(yaw, pitch)
         return poses
 
     def description(self) -> str:
@@ -102,7 +102,7 @@ def _yaw(term: ArmsTerm, arm: int) -> float:
     return float(np.arctan2(row["direction_y"], row["direction_x"]))
 
 
-def _turn(yaw: float, pitch: float) -> np.ndarray:
+def _link_orientation(yaw: float, pitch: float) -> np.ndarray:
     """Return the quaternion of a turn by `yaw` about z, then by `pitch` from x towards z [rad]."""
     cos_yaw, sin_yaw = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     cos_pitch, sin_pitch = np.cos(0.5 * pitch), -np.sin(0.5 * pitch)
