@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ldcs_ros.errors import BridgeError
-
-_ARMS = ("", "left", "right")
 
 
 @dataclass
@@ -35,14 +33,18 @@ class Faults:
     nan: str = ""
     drop: bool = False
 
-    def set(self, name: str, value: object) -> None:
-        """Set a fault; raises BridgeError for an unknown fault or a value that does not fit."""
+    def set(self, name: str, value: object, arms: Sequence[str]) -> None:
+        """Set a fault of a rig with these arms.
+
+        Raises:
+            BridgeError: The fault is unknown, or the value does not fit.
+        """
         fields = {field.name: field for field in dataclasses.fields(self)}
         if name not in fields:
             raise BridgeError(f"unknown fault {name!r}; expected one of {list(fields)}")
         present = fields[name].default
-        if isinstance(present, str) and value not in _ARMS:
-            raise BridgeError(f"fault {name} is {value!r}, expected one of {list(_ARMS)}")
+        if isinstance(present, str) and value not in ("", *arms):
+            raise BridgeError(f"fault {name} is {value!r}, expected one of {['', *arms]}")
         if isinstance(present, (bool, float, int)) and not isinstance(value, (bool, float, int)):
             raise BridgeError(f"fault {name} is {value!r}, expected {type(present).__name__}")
         kind: Callable[[object], object] = type(present)

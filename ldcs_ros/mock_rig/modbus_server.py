@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 from ldcs_ros.errors import LinkError
 from ldcs_ros.mock_rig.rig import MockRig
 from ldcs_ros.rig.units import PressureUnit
+from ldcs_ros.schema.arms import MAX_ARMS
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes
@@ -19,8 +20,7 @@ _READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_MANY = 3, 4, 6, 16
 _BROKEN_SENSOR = 0x7FFF
 _MBAR = PressureUnit("mbar")
 _UNANSWERED = 3600.0
-ACTUAL, CLOCK, HEARTBEAT = 0, 2, 2
-"""Registers: set-points in holding 0 and 1, heartbeat in holding 2; actual in input 0 and 1, clock in 2 and 3."""
+_MOST_REGISTERS = MAX_ARMS + 2
 
 
 class _Server(Protocol):
@@ -29,6 +29,9 @@ class _Server(Protocol):
 
 class ModbusServer:
     """Serves a rig's registers; its faults act as they would on the wire.
+
+    Holding registers: the set-points of the n arms from 0 on, the heartbeat at n. Input registers: the measured
+    pressures from 0 on, the clock at n and n + 1.
 
     Args:
         rig: The rig.
@@ -41,6 +44,7 @@ class ModbusServer:
 
     def __init__(self, rig: MockRig, port: int = 0) -> None:
         self._rig = rig
+        self._n_arms = len(rig.simulation.arm_names)
         self.port = port
         self.heartbeats = 0
         self._loop = asyncio.new_event_loop()
@@ -75,9 +79,9 @@ class ModbusServer:
             **link,
             "unit": "mbar",
             "setpoint": 0,
-            "actual": ACTUAL,
-            "clock": CLOCK,
-            "heartbeat": HEARTBEAT,
+            "actual": 0,
+            "clock": self._n_arms,
+            "heartbeat": self._n_arms,
         }
 
     def _run(self) -> None:
@@ -111,8 +115,8 @@ class ModbusServer:
         from pymodbus.simulator import DataType, SimData, SimDevice
 
         bits = [SimData(0, values=False, datatype=DataType.BITS)]
-        words = [SimData(0, values=0, count=8, datatype=DataType.REGISTERS)]
-        more = [SimData(0, values=0, count=8, datatype=DataType.REGISTERS)]
+        words = [SimData(0, values=0, count=_MOST_REGISTERS, datatype=DataType.REGISTERS)]
+        more = [SimData(0, values=0, count=_MOST_REGISTERS, datatype=DataType.REGISTERS)]
         device = SimDevice(1, simdata=(bits, list(bits), words, more), action=self._act)
         server = ModbusTcpServer(device, address=("127.0.0.1", self.port))
         await server.serve_forever(background=True)
@@ -146,13 +150,13 @@ class ModbusServer:
     def _written(self, address: int, values: list[int]) -> ExcCodes | None:
         from pymodbus.constants import ExcCodes
 
-        if address == HEARTBEAT:
+        if address == self._n_arms:
             self.heartbeats = values[0]
             return None
         signed = [value - 0x10000 if value > _BROKEN_SENSOR else value for value in values]
-        if address != 0 or len(signed) != 2:
+        if address != 0 or len(signed) != self._n_arms:
             return ExcCodes.ILLEGAL_ADDRESS
-        refused = self._rig.command(*(_MBAR.to_pascal(float(value)) for value in signed))
+        refused = self._rig.command([_MBAR.to_pascal(float(value)) for value in signed])
         return ExcCodes.ILLEGAL_VALUE if refused else None
 
     def _holding(self) -> list[int]:

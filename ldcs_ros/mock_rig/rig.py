@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.faults import Faults
 from ldcs_ros.mock_rig.valve import ProportionalValve, ValveParameters
+from ldcs_ros.physics.effects.arms import Arms
 from ldcs_ros.scene import load_scene
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.sensors import Measurement, Tracker, TrackerParameters
@@ -53,8 +54,8 @@ class RigStatus:
 
     number: int
     stamp: float
-    setpoint: tuple[float, float]
-    pressure: tuple[float, float]
+    setpoint: tuple[float, ...]
+    pressure: tuple[float, ...]
 
 
 class MockRig:
@@ -95,7 +96,8 @@ class MockRig:
         if controller not in CONTROLLERS:
             raise BridgeError(f"unknown controller {controller!r}; expected one of {list(CONTROLLERS)}")
         self.simulation = scene.build()
-        if self.simulation.inputs.pressure is None:
+        arms = self.simulation.model.arms
+        if arms is None or self.simulation.inputs.pressure is None:
             raise BridgeError(
                 f"the scene {scene.name!r} is not driven by pressure; the mock rig needs one that is"
             )
@@ -104,11 +106,15 @@ class MockRig:
         self.faults = Faults()
         self._clock, self._epoch, self._drift = clock, epoch, drift
         self._valves = [ProportionalValve(valve or ValveParameters()) for _ in self.simulation.arm_names]
-        self._remote = (0.0, 0.0)
+        n_arms = len(self._valves)
+        self._remote = self._zero = (0.0,) * n_arms
+        # Its own waves lean: the first arm leads where the last one follows.
+        self._lean = np.linspace(1.0, -1.0, n_arms).tolist()
         self._remote_at = -math.inf
         self._start = self._now = clock()
         self.course_start = self._start
-        self._given = np.zeros(2)
+        self._given = np.zeros(n_arms)
+        self._bound = np.array([own.pressure_limit for own in arms.each])
         self._lock = threading.Lock()
         self._number = 0
         self._history: deque[tuple[float, RigStatus]] = deque(maxlen=2000)
@@ -133,27 +139,34 @@ class MockRig:
         return np.array([valve.pressure for valve in self._valves])
 
     @property
-    def setpoint(self) -> tuple[float, float]:
+    def setpoint(self) -> tuple[float, ...]:
         """Set-points that it works to now [Pa]."""
         if self.controller == "remote":
             return self._remote
         time = self._now - self.course_start
         if self.controller == "hold" or time < 0.0:
-            return (0.0, 0.0)
+            return self._zero
         if self.controller == "steps":
             level = (0.3, 0.7, 0.5, 0.0)[int(time / 1.5) % 4] * self.limit
-            return (level, level)
+            return (level,) * len(self._zero)
         swing = 0.5 * (1.0 - math.cos(2.0 * math.pi * 0.2 * time))
         lean = 0.15 * math.sin(2.0 * math.pi * 0.13 * time)
-        return (self.limit * swing * (0.75 + lean), self.limit * swing * (0.75 - lean))
+        return tuple(self.limit * swing * (0.75 + side * lean) for side in self._lean)
 
     def rig_time(self) -> float:
         """Return the time on the rig's own clock [s]."""
         return self._epoch + (self._now - self._start) * (1.0 + self._drift) + self.faults.clock_jump
 
-    def command(self, left: float, right: float) -> str:
-        """Take set-points [Pa] from outside; return '' or the reason of a refusal."""
-        values = (left, right)
+    def set_fault(self, name: str, value: object) -> None:
+        """Set one of its faults; raises BridgeError for an unknown fault, arm or value."""
+        self.faults.set(name, value, self.simulation.arm_names)
+
+    def command(self, pressure: Sequence[float]) -> str:
+        """Take set-points [Pa] from outside, one an arm; return '' or the reason of a refusal."""
+        values = tuple(pressure)
+        if len(values) != len(self._zero):
+            self.refused += 1
+            return "wrong size"
         if all(math.isfinite(value) for value in values):
             self.lowest_setpoint = min(self.lowest_setpoint, *values)
             self.highest_setpoint = max(self.highest_setpoint, *values)
@@ -206,7 +219,7 @@ class MockRig:
     def _step(self, duration: float) -> None:
         time = self._now - self._start
         if self.controller == "remote" and self._now - self._remote_at > self.bus_timeout:
-            self._remote = (0.0, 0.0)
+            self._remote = self._zero
         before = self.pressure
         for arm, valve, setpoint in zip(self.simulation.arm_names, self._valves, self.setpoint, strict=True):
             stuck, leak = self.faults.stuck == arm, self.faults.leak == arm
@@ -216,8 +229,7 @@ class MockRig:
         # Held over the step: the mean, so that the sheet does not run ahead of its chambers.
         held = 0.5 * (before + pressure)
         if np.abs(held - self._given).max() > _SMALLEST_CHANGE:
-            bound = self.simulation.scene.effect("arms").pressure_limit
-            self.simulation.inputs.set_pressure(tuple(np.clip(held, 0.0, bound).tolist()))
+            self.simulation.inputs.set_pressure(np.clip(held, 0.0, self._bound))
             self._given = held
         while self._tracker.next_tick <= time:
             self.simulation.advance_to(max(self._tracker.next_tick, self.simulation.time))
@@ -237,7 +249,7 @@ class MockRig:
             for arm, valve in zip(self.simulation.arm_names, self._valves, strict=True)
         ]
         self._number += 1
-        status = RigStatus(self._number, self.rig_time(), self.setpoint, (pressure[0], pressure[1]))
+        status = RigStatus(self._number, self.rig_time(), self.setpoint, tuple(pressure))
         with self._lock:
             self._history.append((self._now, status))
 
@@ -249,8 +261,10 @@ def hidden_scene(scene: Scene, hidden: Hidden) -> Scene:
         if effect["type"] == "springs":
             effect["stiffness"] = hidden.stiffness * effect.get("stiffness", 80.0)
         elif effect["type"] == "arms":
-            effect["pressure_gain"] = hidden.gain * effect.get("pressure_gain", 1e-6)
-            effect.update(fill_time=0.001, vent_time=0.001, dead_time=0.0)
+            shared = effect.get("pressure_gain", Arms.pressure_gain)
+            for block in (effect, *effect.get("arms", ())):
+                block["pressure_gain"] = hidden.gain * block.get("pressure_gain", shared)
+                block.update(fill_time=0.001, vent_time=0.001, dead_time=0.0)
     if hidden.load > 0.0:
         content["effects"].append({"type": "payload", "at": ["mid", "free_edge"], "mass": hidden.load})
     tracker = content.get("sensors", {}).get("tracker")

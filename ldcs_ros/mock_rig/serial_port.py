@@ -72,7 +72,7 @@ class SerialPort:
     def _take(self, fields: list[str]) -> None:
         if fields[0] != "P":
             return
-        refused = self._rig.command(*(_MBAR.to_pascal(float(text)) for text in fields[2:4]))
+        refused = self._rig.command([_MBAR.to_pascal(float(text)) for text in fields[2:]])
         faults, stamp = self._rig.faults, self._rig.rig_time()
         rest = (
             ("E", fields[1], int(stamp * 1e3), refused.replace(" ", "-"))

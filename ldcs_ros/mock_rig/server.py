@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from ldcs_ros.mock_rig.rig import MockRig
+from ldcs_ros.rig.limits import PerArm
 from ldcs_ros.schema.reader import write_yaml
 
 _PERIOD = 0.005
@@ -52,10 +53,11 @@ class MockRigServer:
         for transport in self._transports:
             transport.stop()
 
-    def rig_file(self, limits: dict[str, float]) -> str:
+    def rig_file(self, limits: Mapping[str, PerArm]) -> str:
         """Return the text of a rig file that connects to this rig."""
         links = [transport.describe() for transport in self._transports]
-        content = {"title": "The mock rig", "limits": limits, "links": links}
+        arms = list(self.rig.simulation.arm_names)
+        content = {"title": "The mock rig", "arms": arms, "limits": limits, "links": links}
         return write_yaml(content)
 
     def _run(self) -> None:

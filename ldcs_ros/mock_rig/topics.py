@@ -79,8 +79,7 @@ class Topics:
             values = [_MBAR.to_pascal(float(value)) for value in decode(ARRAY, cdr).data]
         except Exception:  # foreign bytes: the decoder fails in as many ways as there are bytes
             return
-        if len(values) == 2:
-            self._rig.command(*values)
+        self._rig.command(values)
 
     def work(self) -> None:
         """Publish what is due; called about as often as the rig reports."""

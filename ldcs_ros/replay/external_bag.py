@@ -47,8 +47,12 @@ def _pressure(
     ambient: float,
 ) -> tuple[str, bytes] | None:
     values = fields.numbers(message, source.field, message_type)
-    if values.size not in (1, len(source.arms)):
-        raise MappingError(f"got {values.size} pressures, expected 1 or {len(source.arms)} for {source.arms}")
+    known = simulation.arm_names
+    arms = source.arms or known
+    if not set(arms) <= set(known):
+        raise MappingError(f"got the arms {list(arms)}, expected some of the scene's {list(known)}")
+    if values.size not in (1, len(arms)):
+        raise MappingError(f"got {values.size} pressures, expected 1 or {len(arms)} for {arms}")
     offset = fields.default_offset(message_type, ambient) if source.offset is None else source.offset
     gauge = source.scale * values - offset
     below = (gauge < 0.0) & (gauge >= -NEAR_ZERO)
@@ -58,7 +62,7 @@ def _pressure(
     if present is None:  # the twin refuses it with a reason
         return source.to, messages.pressure_command(gauge)
     target = present.copy()
-    target[[simulation.arm_names.index(arm) for arm in source.arms]] = gauge
+    target[[known.index(arm) for arm in arms]] = gauge
     return None if np.array_equal(target, present) else (source.to, messages.pressure_command(target))
 
 
@@ -104,7 +108,7 @@ def _wrench(
 
 @dataclass(frozen=True)
 class MappedCommand:
-    """A command of a rig, converted at its time: one topic may command one arm of two.
+    """A command of a rig, converted at its time: one topic may command some of the arms.
 
     Attributes:
         time: Simulation time at which it acts [ns].

@@ -71,18 +71,20 @@ class Bridge:
         self.twin = Twin(scene.without_schedule(), settings, sinks=sinks, diagnostics=False)
         self.follower = Follower(self.twin)
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
+        self._check_arms(arms)
         self.twin.topics |= bridge_topics(points, arms, estimate=mode is Mode.MIRROR)
         self.estimator = StateEstimator(self.twin) if mode is Mode.MIRROR else None
         commands = mode is Mode.LIVE
         self.links: list[Link] = rig.connect(clock, commands=commands) if links is None else links
         self.start_time = clock()
-        self.gate = Gate(mode, rig.limits, clock, len(arms))
-        self.validator = ReadingValidator(4.0 * rig.limits.pressure, self.start_time)
+        self.gate = Gate(mode, rig.limits, clock)
+        self.validator = ReadingValidator(4.0 * max(rig.limits.highest), self.start_time)
         for link in self.links:
             if link.clock_estimate is not None:
                 self.validator.clocks[link.name] = link.clock_estimate
         patience = rig.limits.command_timeout
-        self.valve_monitor = ValveMonitor(tolerance=_TOLERANCE * rig.limits.pressure, patience=patience)
+        tolerance = {arm: _TOLERANCE * rig.limits.of(arm) for arm in arms}
+        self.valve_monitor = ValveMonitor(tolerance=tolerance, patience=patience)
         self._report = RigReport(self.twin)
         self.bag: RigBag | None = None
         self.failure = ""
@@ -157,7 +159,7 @@ class Bridge:
         if self.failure:
             found.append(f"the twin stopped: {self.failure}")
         found += filter(None, [self._lag(now)])
-        full = {arm: value for arm, value in self.measured.items() if value > EMPTY * limits.pressure}
+        full = {arm: value for arm, value in self.measured.items() if value > EMPTY * limits.of(arm)}
         found += [
             f"{arm} holds {value / 1e3:.1f} kPa; call disarm, which vents it" for arm, value in full.items()
         ]
@@ -181,7 +183,7 @@ class Bridge:
         vented_for = gate.venting_for
         if gate.state is not GateState.VENTED or vented_for is None or vented_for < limits.vent_time:
             return ""
-        full = [arm for arm, value in self.measured.items() if value > 0.1 * limits.pressure]
+        full = [arm for arm, value in self.measured.items() if value > 0.1 * limits.of(arm)]
         if full:
             return f"{', '.join(full)} still holds pressure: cut the supply"
         missing = [link for link in self.links if link.commands and not link.status.zero_confirmed]
@@ -197,6 +199,13 @@ class Bridge:
     def time_of(self, moment: float) -> float:
         """Return a steady time on the twin's time axis [s]."""
         return moment - self.start_time
+
+    def _check_arms(self, arms: tuple[str, ...]) -> None:
+        """Check that the rig file names the scene's arms: a vent without a scene must reach each of them."""
+        named = self.rig.limits.arms
+        if named != arms:
+            scene = f"those of the scene {self.twin.scene.name!r} in their order: [{', '.join(arms)}]"
+            raise BridgeError(f"got [{', '.join(named)}], expected {scene} @ arms of the rig file")
 
     def _readings(self) -> list[RawReading]:
         return [reading for link in self.links for reading in link.take_readings()]

@@ -8,7 +8,6 @@ import numpy as np
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages.messages import pressure_command
-from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.scene import Scene
 from ldcs_ros.twin.twin import Twin
 
@@ -42,10 +41,11 @@ class Follower:
         self.squared_residual: dict[str, float] = {}
         _compile_kernels(twin.scene)
         # A rig is at rest before its first command; so is its twin.
-        twin.receive("pressure_command", pressure_command(np.zeros(len(ARM_NAMES))))
+        self._sent = np.zeros(len(twin.simulation.arm_names))
+        twin.receive("pressure_command", pressure_command(self._sent))
         twin.settle()
-        self._limit = float(twin.scene.effect("arms").pressure_limit)
-        self._sent = np.zeros(len(ARM_NAMES))
+        arms = twin.simulation.model.arms
+        self._limit = np.array([] if arms is None else [own.pressure_limit for own in arms.each])
         self._sent_at = -np.inf
         self._places: deque[tuple[float, dict[str, np.ndarray]]] = deque(maxlen=_HISTORY)
         self._remember()

@@ -42,7 +42,6 @@ class Gate:
         mode: Mode of the bridge.
         limits: Limits that hold.
         clock: Steady clock [s].
-        n_arms: Number of arms.
 
     Attributes:
         state: Present state.
@@ -54,7 +53,7 @@ class Gate:
         last_refusal: The latest refusal in words; '' while there was none.
     """
 
-    def __init__(self, mode: Mode, limits: Limits, clock: Callable[[], float], n_arms: int = 2) -> None:
+    def __init__(self, mode: Mode, limits: Limits, clock: Callable[[], float]) -> None:
         self.mode, self.limits = mode, limits
         self._clock = clock
         self.state = GateState.DISARMED if mode is Mode.LIVE else GateState.CLOSED
@@ -64,7 +63,7 @@ class Gate:
         self.accepted = 0
         self.refused: Counter[str] = Counter()
         self.last_refusal = ""
-        self._zero: Pressures = (0.0,) * n_arms
+        self._zero: Pressures = (0.0,) * len(limits.arms)
         self._target = self._setpoint = self._zero
         self._ticked_at = self._armed_at = clock()
         self._commanded_at: float | None = None
@@ -93,8 +92,7 @@ class Gate:
         now = self._clock()
         heard = now if heard is None else min(heard, now)
         self._check_ticks(now)
-        values = [float(value) for value in pressure]
-        n, highest = len(self._target), self.limits.pressure
+        n, given = len(self._target), [float(value) for value in pressure]
         if self.state is GateState.CLOSED:
             self._refuse("mode", f"mode {self.mode.value} commands nothing; start the bridge with mode live")
         if self.state is GateState.DISARMED:
@@ -109,13 +107,14 @@ class Gate:
             self._refuse(
                 "too old", f"got {now - heard:.2f} s, expected at most {self.limits.command_timeout:g} s"
             )
-        if len(values) not in (1, n):
-            self._refuse("wrong size", f"got {len(values)} pressures, expected 1 or {n} [Pa]")
-        if not all(map(math.isfinite, values)):
-            self._refuse("not a number", f"got {values}, expected finite pressures [Pa]")
-        if any(value < 0.0 or value > highest for value in values):
-            self._refuse("over limit", f"got {values} Pa, expected 0 ... {highest:g} Pa (gauge)")
-        self._target = tuple(values) if len(values) == n else tuple(values * n)
+        if len(given) not in (1, n):
+            self._refuse("wrong size", f"got {len(given)} pressures, expected 1 or {n} [Pa]")
+        if not all(map(math.isfinite, given)):
+            self._refuse("not a number", f"got {given}, expected finite pressures [Pa]")
+        target = tuple(given if len(given) == n else given * n)
+        if self.limits.bounded(target) != target:
+            self._refuse("over limit", f"got {given} Pa, expected 0 ... {self.limits.shown()} Pa (gauge)")
+        self._target = target
         self._commanded_at = heard
         self.accepted += 1
 

@@ -49,10 +49,9 @@ class Health:
             if self._bridge.alarm():
                 words = f"{self._bridge.alarm()}; {words}"
         values: dict[str, object] = {"mode": gate.mode.value, "state": gate.state.value, "trips": gate.trips}
-        setpoints = gate.setpoint
-        for arm, value in zip(self._bridge.twin.simulation.arm_names, setpoints, strict=True):
-            values[f"set-point {arm} [Pa]"] = value
-        values["limit [Pa]"] = limits.pressure
+        for arm, setpoint, limit in zip(limits.arms, gate.setpoint, limits.highest, strict=True):
+            values[f"set-point {arm} [Pa]"] = setpoint
+            values[f"limit {arm} [Pa]"] = limit
         values["accepted"] = gate.accepted
         values["refused"] = sum(gate.refused.values())
         values["last refusal"] = gate.last_refusal or "none"
@@ -137,7 +136,11 @@ class Health:
 
 def headline(bridge: Bridge) -> str:
     """Return mode, pressures and residuals in one line for a terminal."""
-    kilopascals = " ".join(f"{arm} {value / 1e3:6.1f} kPa" for arm, value in sorted(bridge.measured.items()))
+    kilopascals = " ".join(
+        f"{arm} {bridge.measured[arm] / 1e3:6.1f} kPa"
+        for arm in bridge.rig.limits.arms
+        if arm in bridge.measured
+    )
     residuals = " ".join(
         f"{point} {1e3 * math.sqrt(square):5.2f} mm"
         for point, square in bridge.follower.squared_residual.items()

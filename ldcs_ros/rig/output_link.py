@@ -22,7 +22,7 @@ from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.process import UNCONFIRMED, MessageSocket
 from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output.stage import Exchange, OutputStatus
-from ldcs_ros.rig.reading import ARM_NAMES, RawReading
+from ldcs_ros.rig.reading import RawReading
 from ldcs_ros.rig.topic_link import TopicSettings
 
 WIRE_PROGRAM = "ldcs_ros.rig.output"
@@ -114,7 +114,6 @@ class OutputLink(Link):
             "link": kind,
             "settings": dataclasses.asdict(settings),
             "limits": dataclasses.asdict(limits),
-            "arms": list(ARM_NAMES),
             "commands": commands,
         }
         self._lock = threading.Lock()

@@ -9,7 +9,6 @@ if TYPE_CHECKING:  # the output process reads the names of the arms and loads no
     import numpy as np
 
 KINDS = ("pressure", "pressure_command", "position")
-ARM_NAMES = ("left", "right")
 
 
 @dataclass(frozen=True)

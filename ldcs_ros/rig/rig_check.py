@@ -8,7 +8,6 @@ from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.limits import Limits
 from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.serial_line import SerialSettings
-from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.topic_link import TopicSettings
 from ldcs_ros.rig.units import PressureUnit
 
@@ -45,7 +44,7 @@ def check_rig(links: Sequence[LinkSettings], limits: Limits) -> None:
     for index, link in enumerate(links):
         path = f"links[{index}]"
         if isinstance(link, ModbusMap):
-            _check_registers(link, path)
+            _check_registers(link, len(limits.arms), path)
             _check_register_values(link.unit, limits, path)
             longest = 0.5 * min(limits.command_timeout, limits.rig_timeout)
             if not 0.001 <= link.timeout <= longest:
@@ -58,16 +57,15 @@ def check_rig(links: Sequence[LinkSettings], limits: Limits) -> None:
             _check_rate(link.rate, limits, path)
 
 
-def _check_registers(link: ModbusMap, path: str) -> None:
+def _check_registers(link: ModbusMap, n_arms: int, path: str) -> None:
     if not link.host.strip():
         _refuse(link.host, "a host name or an address", f"{path}.host")
     if not 1 <= link.port <= 0xFFFF:
         _refuse(link.port, "1 ... 65535", f"{path}.port")
     if not 0 <= link.device <= HIGHEST_DEVICE and link.device != ANY_DEVICE:
         _refuse(link.device, f"0 ... {HIGHEST_DEVICE}, or {ANY_DEVICE}", f"{path}.device")
-    n = len(ARM_NAMES)
-    holding = {"setpoint": (link.setpoint, n), "heartbeat": (link.heartbeat, 1)}
-    inputs = {"actual": (link.actual, n), "clock": (link.clock, 2)}
+    holding = {"setpoint": (link.setpoint, n_arms), "heartbeat": (link.heartbeat, 1)}
+    inputs = {"actual": (link.actual, n_arms), "clock": (link.clock, 2)}
     for space in (holding, inputs):
         used: dict[int, str] = {}
         for name, (first, count) in space.items():
@@ -89,10 +87,11 @@ def _check_registers(link: ModbusMap, path: str) -> None:
 
 
 def _check_register_values(unit: PressureUnit, limits: Limits, path: str) -> None:
-    value = unit.from_pascal(limits.pressure)
-    if not 1.0 <= value <= HIGHEST_VALUE:
-        what = f"limits.pressure ({limits.pressure:g} Pa) as 1 ... {HIGHEST_VALUE} in a register"
-        _refuse(f"{value:.6g} {unit.name}", what, f"{path}.unit")
+    for arm, pressure in zip(limits.arms, limits.highest, strict=True):
+        value = unit.from_pascal(pressure)
+        if not 1.0 <= value <= HIGHEST_VALUE:
+            what = f"limits.pressure ({pressure:g} Pa for {arm}) as 1 ... {HIGHEST_VALUE} in a register"
+            _refuse(f"{value:.6g} {unit.name}", what, f"{path}.unit")
 
 
 def _check_baud(link: SerialSettings, path: str) -> None:

@@ -11,15 +11,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.limits import BOUNDS, Limits
 from ldcs_ros.rig.link import Link
 from ldcs_ros.rig.output.modbus import ModbusMap
 from ldcs_ros.rig.output.serial_line import SerialSettings
 from ldcs_ros.rig.output_link import OutputLink
-from ldcs_ros.rig.reading import ARM_NAMES, KINDS
+from ldcs_ros.rig.reading import KINDS
 from ldcs_ros.rig.rig_check import LinkSettings, check_rig
 from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
+from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
@@ -92,10 +93,15 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
 
 
 def _rig(content: object, text: str) -> RigFile:
-    block = _CHECKS.keys(content, ("title", "limits", "links"), "the rig", required=("links",))
-    limits = _build(Limits, _CHECKS.keys(block.get("limits", {}), _names(Limits), "limits"), "limits")
+    block = _CHECKS.keys(content, ("title", "arms", "limits", "links"), "the rig", required=("links",))
+    arms = tuple(
+        _CHECKS.text(arm, "arms") for arm in _CHECKS.items(block.get("arms", list(ARM_NAMES)), "arms")
+    )
+    given = _CHECKS.keys(block.get("limits", {}), tuple(BOUNDS), "limits")
+    limits = _build(Limits, {**given, "arms": arms}, "limits")
     links = tuple(
-        _settings(one, f"links[{index}]") for index, one in enumerate(_CHECKS.items(block["links"], "links"))
+        _settings(one, arms, f"links[{index}]")
+        for index, one in enumerate(_CHECKS.items(block["links"], "links"))
     )
     if not links:
         raise BridgeError("no link leads to the rig; expected at least one @ links")
@@ -106,7 +112,7 @@ def _rig(content: object, text: str) -> RigFile:
     return RigFile(str(block.get("title", "rig")), limits, links, text)
 
 
-def _settings(content: object, path: str) -> LinkSettings:
+def _settings(content: object, arms: tuple[str, ...], path: str) -> LinkSettings:
     kind = content.get("type") if isinstance(content, dict) else None
     if kind == "modbus":
         return _plain(ModbusMap, content, path)
@@ -115,7 +121,7 @@ def _settings(content: object, path: str) -> LinkSettings:
     if kind == "topics":
         block = _CHECKS.keys(content, ("type", "receive", "send", "rate"), path, required=("receive",))
         topics = _CHECKS.items(block["receive"], f"{path}.receive")
-        receive = tuple(_incoming(one, f"{path}.receive[{i}]") for i, one in enumerate(topics))
+        receive = tuple(_incoming(one, arms, f"{path}.receive[{i}]") for i, one in enumerate(topics))
         send = None
         if block.get("send") is not None:
             part = _CHECKS.keys(block["send"], ("topic", *_UNIT_KEYS), f"{path}.send", required=("topic",))
@@ -145,7 +151,7 @@ def _plain(cls: type[_Wire], content: object, path: str) -> _Wire:
     return _build(cls, {**block, "unit": unit}, path)
 
 
-def _incoming(content: object, path: str) -> Incoming:
+def _incoming(content: object, arms: tuple[str, ...], path: str) -> Incoming:
     keys = (*_names(Incoming), *_UNIT_KEYS)
     required = ("topic", "type", "gives", "names")
     block = dict(_CHECKS.keys(content, tuple(dict.fromkeys(keys)), path, required=required))
@@ -157,8 +163,8 @@ def _incoming(content: object, path: str) -> Incoming:
         )
     given = names.items() if isinstance(names, dict) else enumerate(names)
     mapped = {str(theirs): str(ours) for theirs, ours in given}
-    if gives != "position" and not set(mapped.values()) <= set(ARM_NAMES):
-        raise BridgeError(f"got {sorted(mapped.values())}, expected arms out of {ARM_NAMES} @ {path}.names")
+    if gives != "position" and not set(mapped.values()) <= set(arms):
+        raise BridgeError(f"got {sorted(mapped.values())}, expected arms out of {arms} @ {path}.names")
     field = _CHECKS.choice(block.get("field", "effort"), JOINT_FIELDS, f"{path}.field")
     numbers: dict[str, Any] = {
         "age": _CHECKS.number(block.get("age", 0.0), f"{path}.age", low=0.0, high=10.0)

@@ -61,7 +61,7 @@ class Incoming:
 
 @dataclass(frozen=True)
 class Outgoing:
-    """The topic of set-points: a Float64MultiArray, order left, right.
+    """The topic of set-points: a Float64MultiArray with one value an arm in the order of the rig file.
 
     Attributes:
         topic: Its name.

@@ -14,6 +14,7 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.shapes import Disc, PlaneShape, Polygon, Rectangle, SheetRegion
+from ldcs_ros.schema.arms import MAX_ARMS
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.fields import as_location, did_you_mean, shown
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
@@ -90,7 +91,9 @@ def _check_shape(value: object, more: tuple[str, ...], path: str) -> PlaneShape:
         if radius <= 0.0:
             CHECKS.refuse(place, "[x, y, radius] with a radius above 0", where)
         return Disc((x, y), radius)
-    corners = [CHECKS.numbers(one, 2, f"{where}[{k}]", unit="m") for k, one in enumerate(CHECKS.items(place, where))]
+    corners = [
+        CHECKS.numbers(one, 2, f"{where}[{k}]", unit="m") for k, one in enumerate(CHECKS.items(place, where))
+    ]
     if len(corners) < 3:
         CHECKS.refuse(place, "at least three corners [x, y]", where)
     return Polygon(tuple((x, y) for x, y in corners))
@@ -174,7 +177,7 @@ def _check_effect(
 
 def _check_arms(value: object, lattice: Lattice, path: str) -> tuple[PlacedArm, ...]:
     """Return the arms of a list."""
-    from ldcs_ros.physics.effects.arms import MAX_ARMS, SHARED, Arms, PlacedArm
+    from ldcs_ros.physics.effects.arms import SHARED, Arms, PlacedArm
 
     blocks = CHECKS.items(value, path)
     if not 1 <= len(blocks) <= MAX_ARMS:

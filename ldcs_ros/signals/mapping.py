@@ -33,7 +33,6 @@ FORCE = {"N": 1.0, "mN": 1e-3}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 ANGLE = {"rad": 1.0, "deg": 0.017453292519943295}
 
-ARMS = ("left", "right")
 # Command -> the units that it may come in.
 COMMANDS = {
     "pressure_command": PRESSURE,
@@ -55,7 +54,7 @@ class CommandSource:
         to: Corresponding input of the twin: pressure_command, torque_command or external_wrench.
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
-        arms: Arms that its values are for, in their order.
+        arms: Arms that its values are for, in their order; empty for all arms of the scene in its order.
         joints: Joint names for its values, in their order; empty to take the message's own.
         frame: Frame of a wrench; '' to take the message's own.
         offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
@@ -66,7 +65,7 @@ class CommandSource:
     to: str
     scale: float = 1.0
     field: str = ""
-    arms: tuple[str, ...] = ("left", "right")
+    arms: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     frame: str = ""
     offset: float | None = None
@@ -173,11 +172,10 @@ def _command(entry: object, path: str, ambient: float) -> CommandSource:
     block = _CHECKS.keys(entry, _COMMAND, path, required=("topic", "to"))
     to = _CHECKS.choice(block["to"], COMMANDS, f"{path}.to")
     arms = tuple(
-        _CHECKS.choice(arm, ARMS, f"{path}.arms")
-        for arm in _CHECKS.items(block.get("arms", list(ARMS)), f"{path}.arms")
+        _CHECKS.text(arm, f"{path}.arms") for arm in _CHECKS.items(block.get("arms", []), f"{path}.arms")
     )
-    if not arms or len(set(arms)) != len(arms):
-        raise MappingError(f"got {list(arms)}, expected one or two different arms @ {path}.arms")
+    if ("arms" in block and not arms) or len(set(arms)) != len(arms):
+        raise MappingError(f"got {list(arms)}, expected one or more different arms @ {path}.arms")
     return CommandSource(
         topic=_CHECKS.text(block["topic"], f"{path}.topic"),
         to=to,
@@ -196,7 +194,8 @@ def _command(entry: object, path: str, ambient: float) -> CommandSource:
 def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
     block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("topic", "to"))
     to = _CHECKS.text(block["to"], f"{path}.to")
-    if to in (f"{arm}/pressure" for arm in ARMS):
+    arm, _, quantity = to.partition("/")
+    if arm.isidentifier() and quantity == "pressure":
         known = PRESSURE
     elif to.startswith("joint/"):
         known = ANGLE
@@ -204,7 +203,7 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         known = LENGTH
     else:
         raise MappingError(
-            f"got {to!r}, expected a point such as P0, left/pressure, right/pressure or joint/NAME @ {path}.to"
+            f"got {to!r}, expected a point such as P0, ARM/pressure such as left/pressure, or joint/NAME @ {path}.to"
         )
     index = block.get("index")
     if index is not None:

@@ -20,7 +20,6 @@ from ldcs_ros.rig.health import Health
 from ldcs_ros.rig.link import Link
 from ldcs_ros.rig.output.stage import OutputStage
 from ldcs_ros.rig.output.topics import TopicDevice
-from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.rig_file import load_rig
 from ldcs_ros.rig.topic_link import TopicLink
 
@@ -67,7 +66,7 @@ class InlineOutput(Link):
 
     def __init__(self, device, limits, clock, listener):
         super().__init__("topic output", clock)
-        self.stage = OutputStage(device, limits, clock, ARM_NAMES, commands=True)
+        self.stage = OutputStage(device, limits, clock, commands=True)
         self._listener = listener
         self.connected = True
         receive = listener.receive

@@ -163,7 +163,7 @@ def test_bad_input_is_one_line_and_exit_status_two(tmp_path):
     from processes import Process, own_domain
 
     for parameters, words in (
-        ({}, "which rig?"),
+        ({}, "got no rig"),
         ({"rig": "nowhere.yaml"}, "no rig 'nowhere.yaml'"),
         ({"rig": "controller_topics", "mode": "lively"}, "unknown mode 'lively'"),
         ({"rig": "controller_topics", "publish_rate": 0.0}, "publish_rate"),

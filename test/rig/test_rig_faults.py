@@ -52,7 +52,7 @@ def test_the_operator_sees_each_fault_and_the_arms_vent_in_time(transport, fault
     try:
         bench.pressurise()
         bench.seen()
-        bench.rig.faults.set(fault, VALUES[fault])
+        bench.rig.set_fault(fault, VALUES[fault])
         if fault in HARMLESS:
             bench.run(0.5)
             assert not bench.vented
@@ -102,9 +102,9 @@ def test_after_a_lost_connection_it_comes_back_and_arms_only_when_asked():
     bench = Bench("modbus")
     try:
         bench.pressurise()
-        bench.rig.faults.set("drop", True)
+        bench.rig.set_fault("drop", True)
         bench.run(2.0, bench.is_empty)
-        bench.rig.faults.set("drop", False)
+        bench.rig.set_fault("drop", False)
         bench.run(3.0, lambda: not bench.bridge.preconditions())
         assert bench.is_empty() and bench.vented and "vented" in bench.refused
         bench.bridge.arm()

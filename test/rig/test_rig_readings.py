@@ -113,7 +113,7 @@ def test_silence_is_that_of_the_quietest_arm():
 
 
 def test_a_stuck_valve_and_a_leak_are_told_apart():
-    watch = ValveMonitor(tolerance=10e3, patience=0.4)
+    watch = ValveMonitor(tolerance={"left": 10e3, "right": 10e3}, patience=0.4)
     for k in range(80):
         time = 0.01 * k
         watch.take("left", time, 20e3, 20e3 + 60e3 * min(time, 1.0))

@@ -8,7 +8,6 @@ from ldcs_ros.rig.limits import Limits
 from ldcs_ros.rig.output.monitor import WriteMonitor
 
 LIMITS = Limits()
-ARMS = ("left", "right")
 
 
 class Rig:
@@ -17,14 +16,14 @@ class Rig:
     def __init__(self):
         self.now = 100.0
         self.monitor = WriteMonitor(
-            LIMITS, lambda: self.now, ARMS, resolution=100.0, reads_back=True, acknowledges=True
+            LIMITS, lambda: self.now, resolution=100.0, reads_back=True, acknowledges=True
         )
 
     def run(self, duration, setpoint=50e3, reads=True, reads_back=True, acknowledges=True, refuses=False):
         for _ in range(round(duration / 0.02)):
             self.now += 0.02
             self.monitor.note_sent((setpoint, setpoint))
-            for arm in ARMS:
+            for arm in LIMITS.arms:
                 if reads_back:
                     self.monitor.note_read_back(arm, setpoint, self.now)
                 if reads:

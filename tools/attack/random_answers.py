@@ -68,7 +68,7 @@ def random_lines(count: int, seed: int = 1) -> int:
         device = SerialDevice(Path(folder))
         try:
             device.break_answers("silent")
-            client = SerialClient(SerialSettings(str(device.path)), time.monotonic)
+            client = SerialClient(SerialSettings(str(device.path)), LIMITS.arms, time.monotonic)
             stage = _stage(client)
             stage.step()
             received, asked = 0, 0
@@ -89,7 +89,7 @@ def random_lines(count: int, seed: int = 1) -> int:
 
 
 def _stage(device: Device) -> OutputStage:
-    return OutputStage(device, LIMITS, time.monotonic, ("left", "right"), commands=True)
+    return OutputStage(device, LIMITS, time.monotonic, commands=True)
 
 
 def _confirm(stage: OutputStage) -> None:

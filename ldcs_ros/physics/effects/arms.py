@@ -17,11 +17,9 @@ from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.fields import choice, quantity
 
-ARM_NAMES = ("left", "right")
-"""The arms of an entry without a list: along the edges y_max and y_min."""
-MAX_ARMS = 16
 DRIVES = ("torque", "pressure", "curvature")
 SHARED = ("drive", "arms")
 """Keys of the entry that hold for all of its arms and that no arm has of its own."""

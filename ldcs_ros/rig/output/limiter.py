@@ -28,7 +28,6 @@ class OutputLimiter:
     Args:
         limits: Limits that hold.
         clock: Steady clock [s], the one of the gate.
-        n_arms: Number of arms.
 
     Attributes:
         state: Present state.
@@ -38,11 +37,11 @@ class OutputLimiter:
         clipped_count: Set-points that the gate let pass and this stage did not.
     """
 
-    def __init__(self, limits: Limits, clock: Callable[[], float], n_arms: int = 2) -> None:
+    def __init__(self, limits: Limits, clock: Callable[[], float]) -> None:
         self._limits, self._clock = limits, clock
         self.state = OutputState.IDLE
         self.reason = ""
-        self.sent: Pressures = (0.0,) * n_arms
+        self.sent: Pressures = (0.0,) * len(limits.arms)
         self.epoch = 0
         self.clipped_count = 0
         self._target: Sequence[float] = self.sent
@@ -110,11 +109,13 @@ class OutputLimiter:
             return
         bounded = limits.bounded(target)
         # Gate and output stage tick at times of their own: half a period more than the gate's reach.
-        reach = 1.5 * limits.slew * min(max(duration, 0.0), LONGEST_STEP)
+        span = 1.5 * min(max(duration, 0.0), LONGEST_STEP)
         self.sent = tuple(
-            min(max(goal, now - reach), now + reach) for now, goal in zip(self.sent, bounded, strict=True)
+            min(max(goal, now - rate * span), now + rate * span)
+            for now, goal, rate in zip(self.sent, bounded, limits.slew_rates, strict=True)
         )
         astray = any(
-            abs(now - goal) > limits.slew * LONGEST_STEP for now, goal in zip(self.sent, bounded, strict=True)
+            abs(now - goal) > rate * LONGEST_STEP
+            for now, goal, rate in zip(self.sent, bounded, limits.slew_rates, strict=True)
         )
         self.clipped_count += astray or bounded != tuple(target)

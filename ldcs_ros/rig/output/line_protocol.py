@@ -1,13 +1,15 @@
 """The line protocol of the serial link: ASCII lines `<text>*<checksum>`, as small controllers can speak it.
 
-    rig -> bridge   S <number> <milliseconds> <set left> <set right> <actual left> <actual right>
-    bridge -> rig   P <number> <left> <right>
+    rig -> bridge   S <number> <milliseconds> <set-point of each arm> <actual pressure of each arm>
+    bridge -> rig   P <number> <set-point of each arm>
     rig -> bridge   A <number> <milliseconds>            taken
     rig -> bridge   E <number> <milliseconds> <reason>   refused
 
-Pressures are decimal, in the unit of the rig file. Numbers count up, so that a repeated line is noticed; the
-milliseconds are the rig's clock. The checksum is the exclusive-or of the bytes before the star, two hex
-digits, as in NMEA 0183. A rig vents by itself when no P comes for its own timeout.
+Pressures are decimal, in the unit of the rig file, and stand in the order of its arms. With two arms a status
+is `S <number> <milliseconds> <set left> <set right> <actual left> <actual right>`; a line with more or fewer
+pressures is not taken. Numbers count up, so that a repeated line is noticed; the milliseconds are the rig's
+clock. The checksum is the exclusive-or of the bytes before the star, two hex digits, as in NMEA 0183. A rig
+vents by itself when no P comes for its own timeout.
 """
 
 from __future__ import annotations

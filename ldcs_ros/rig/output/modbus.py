@@ -10,7 +10,6 @@ from typing import Protocol
 from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Limits, Pressures
 from ldcs_ros.rig.output.device import Device
-from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.units import PressureUnit
 
 _HIGHEST_REGISTER = 0x7FFF  # above it some islands read a negative number
@@ -47,8 +46,8 @@ class ModbusMap:
         rate: Exchanges per second [Hz].
         timeout: Longest wait for an answer [s].
         unit: Unit of the registers; the pressures in them are whole numbers.
-        setpoint: Holding register of the left arm's set-point; the right arm's follows.
-        actual: Input register of the left arm's measured pressure, signed; the right arm's follows.
+        setpoint: Holding register of the first arm's set-point; those of the other arms follow in their order.
+        actual: Input register of the first arm's measured pressure, signed; the others follow.
         clock: Input registers with milliseconds since some start, high word first; -1 for none.
         heartbeat: Holding register that is counted up with every write; -1 for none.
     """
@@ -75,7 +74,10 @@ class ModbusDevice(Device):
         super().__init__("modbus", clock, registers.rate, registers.unit.step)
         self._map = registers
         self._client: ModbusClient | None = None
-        self._highest = min(int(registers.unit.from_pascal(limits.pressure)), _HIGHEST_REGISTER)
+        self._arms = limits.arms
+        self._highest = [
+            min(int(registers.unit.from_pascal(pressure)), _HIGHEST_REGISTER) for pressure in limits.highest
+        ]
 
     def open(self) -> None:
         from pymodbus.client import ModbusTcpClient
@@ -104,22 +106,22 @@ class ModbusDevice(Device):
         if setpoint is not None:
             self._write(setpoint)
         registers = self._map
-        setpoints = self._read("read_holding_registers", registers.setpoint, len(ARM_NAMES))
-        actual = self._read("read_input_registers", registers.actual, len(ARM_NAMES))
+        setpoints = self._read("read_holding_registers", registers.setpoint, len(self._arms))
+        actual = self._read("read_input_registers", registers.actual, len(self._arms))
         stamp = None
         if registers.clock >= 0:
             sent = self.clock()
             high, low = self._read("read_input_registers", registers.clock, 2)
             stamp = ((high << 16 | low) % _MILLISECONDS_A_TURN) * 1e-3
             self.round_trip(sent, stamp, self.clock())
-        for name, setting, pressure in zip(ARM_NAMES, setpoints, actual, strict=True):
+        for name, setting, pressure in zip(self._arms, setpoints, actual, strict=True):
             self.report("pressure_command", name, self._pascal(setting), stamp=stamp)
             self.report("pressure", name, self._pascal(pressure), stamp=stamp)
 
     def _write(self, setpoint: Pressures) -> None:
         # Rounded down: rounding must not lift a set-point over its limit.
         values = [int(self._map.unit.from_pascal(value)) for value in setpoint]
-        values = [min(max(value, 0), self._highest) for value in values]
+        values = [min(max(value, 0), most) for value, most in zip(values, self._highest, strict=True)]
         self._ask("write_registers", self._map.setpoint, values)
         self.acknowledge()
         self.heartbeats += 1

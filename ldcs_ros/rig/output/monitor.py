@@ -20,7 +20,6 @@ class WriteMonitor:
     Args:
         limits: Limits that hold.
         clock: Steady clock [s].
-        arms: Names of the arms.
         resolution: Smallest step of a set-point that the device can represent [Pa].
         reads_back: Whether the device reports the set-points it works to.
         acknowledges: Whether the device confirms or refuses each write.
@@ -35,14 +34,12 @@ class WriteMonitor:
         self,
         limits: Limits,
         clock: Callable[[], float],
-        arms: tuple[str, ...],
         *,
         resolution: float,
         reads_back: bool,
         acknowledges: bool,
     ) -> None:
-        self._limits, self._clock, self._arms = limits, clock, arms
-        self._tolerance = max(2.0 * resolution, 0.01 * limits.pressure)
+        self._limits, self._clock, self._arms = limits, clock, limits.arms
         self._resolution = resolution
         self._reads_back, self._acknowledges = reads_back, acknowledges
         self.refusals = 0
@@ -82,11 +79,12 @@ class WriteMonitor:
         self.read_back[arm], self._read_back_at[arm] = pressure, heard
         if self._writing_since is None or arm not in self._arms:
             return
+        tolerance = max(2.0 * self._resolution, 0.01 * self._limits.of(arm))
         index = self._arms.index(arm)
         # The rig may lag by the time it is allowed: each value sent within it is right.
         recent = [sent[index] for then, sent in self._sent if then >= now - self._limits.rig_timeout]
         recent.append(self._sent[-1][1][index])
-        if min(recent) - self._tolerance <= pressure <= max(recent) + self._tolerance:
+        if min(recent) - tolerance <= pressure <= max(recent) + tolerance:
             self._mismatch_since.pop(arm, None)
         else:
             self._mismatch_since.setdefault(arm, now)
@@ -95,7 +93,7 @@ class WriteMonitor:
         """Take a measured gauge pressure [Pa], heard at a steady time [s]."""
         now = self._clock()
         self.measured[arm], self._measured_at[arm] = pressure, heard
-        if pressure > (1.0 + MEASURED_TOLERANCE) * self._limits.pressure:
+        if arm in self._arms and pressure > (1.0 + MEASURED_TOLERANCE) * self._limits.of(arm):
             self._excess_since.setdefault(arm, now)
         else:
             self._excess_since.pop(arm, None)
@@ -112,10 +110,9 @@ class WriteMonitor:
     def fault(self) -> str:
         """Return what is wrong now, in words; '' while all is well."""
         now, timeout = self._clock(), self._limits.rig_timeout
-        highest = self._limits.pressure
         for arm, since in self._excess_since.items():
             if now - since >= _PERSISTENCE:
-                value = self.measured[arm]
+                value, highest = self.measured[arm], self._limits.of(arm)
                 return f"{arm} measures {value / 1e3:.1f} kPa, above the limit of {highest / 1e3:.1f} kPa"
         if self._writing_since is None:
             return ""
@@ -162,7 +159,7 @@ class WriteMonitor:
             return self._acknowledged_at > since
         return all(
             self._measured_at.get(arm, -1.0) > since
-            and abs(self.measured[arm]) <= EMPTY * self._limits.pressure
+            and abs(self.measured[arm]) <= EMPTY * self._limits.of(arm)
             for arm in self._arms
         )
 
@@ -171,8 +168,8 @@ class WriteMonitor:
         words = []
         for arm in self._arms:
             measured, setting = self.measured.get(arm, 0.0), self.read_back.get(arm, 0.0)
-            if measured > EMPTY * self._limits.pressure:
+            if measured > EMPTY * self._limits.of(arm):
                 words.append(f"{arm} holds {measured / 1e3:.1f} kPa")
-            elif setting > max(self._resolution, 0.01 * self._limits.pressure):
+            elif setting > max(self._resolution, 0.01 * self._limits.of(arm)):
                 words.append(f"{arm} works to {setting / 1e3:.1f} kPa")
         return ", ".join(words)

@@ -94,7 +94,7 @@ def wire_device(kind: str, settings: Settings, limits: Limits, clock: Callable[[
     unit = PressureUnit(**settings.pop("unit"))
     if kind == "modbus":
         return ModbusDevice(ModbusMap(**settings, unit=unit), limits, clock)
-    return SerialDevice(SerialSettings(**settings, unit=unit), clock)
+    return SerialDevice(SerialSettings(**settings, unit=unit), limits.arms, clock)
 
 
 def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) -> int:
@@ -120,12 +120,12 @@ def serve(make: Callable[[str, Settings, Limits, Callable[[], float]], Device]) 
     start = _first(channel, "link", terminated)
     if start is None:
         return 0
-    limits = Limits(**start["limits"])
+    limits = Limits(**{**start["limits"], "arms": tuple(start["limits"]["arms"])})
     device = make(start["link"], start["settings"], limits, time.monotonic)
     begin = _first(channel, "begin", terminated)
     if begin is None:
         return 0
-    stage = OutputStage(device, limits, time.monotonic, tuple(start["arms"]), commands=start["commands"])
+    stage = OutputStage(device, limits, time.monotonic, commands=start["commands"])
     if begin["begin"] == "vent":
         stage.vent(begin["reason"], begin["epoch"])
     return _run(stage, channel, terminated)

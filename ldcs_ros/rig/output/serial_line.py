@@ -11,7 +11,6 @@ from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Pressures
 from ldcs_ros.rig.output import line_protocol
 from ldcs_ros.rig.output.device import Device
-from ldcs_ros.rig.reading import ARM_NAMES
 from ldcs_ros.rig.units import PressureUnit
 
 if TYPE_CHECKING:
@@ -41,9 +40,9 @@ class SerialSettings:
 class SerialDevice(Device):
     """A controller that sends status lines as they come, and takes set-points; without them nothing is written."""
 
-    def __init__(self, settings: SerialSettings, clock: Callable[[], float]) -> None:
+    def __init__(self, settings: SerialSettings, arms: tuple[str, ...], clock: Callable[[], float]) -> None:
         super().__init__("serial", clock, settings.rate, 1e-3 * settings.unit.step)
-        self._settings = settings
+        self._settings, self._arms = settings, arms
         self._port: Serial | None = None
         self._buffer = line_protocol.LineBuffer()
         self._unanswered: dict[int, float] = {}
@@ -97,15 +96,15 @@ class SerialDevice(Device):
         return data
 
     def _take(self, fields: list[str]) -> None:
-        if max(map(len, fields[1:7])) > _LONGEST_NUMBER and fields[0] != "E":
+        if max(map(len, fields[1:])) > _LONGEST_NUMBER and fields[0] != "E":
             raise ValueError("a number has too many digits")
         kind, number, stamp = fields[0], int(fields[1][:20]), int(fields[2][:20]) * 1e-3
         if kind == "S":
-            values = [float(text) for text in fields[3:7]]
-            if len(values) != 2 * len(ARM_NAMES):
-                raise ValueError("a status has four pressures")
+            values, n = [float(text) for text in fields[3:]], len(self._arms)
+            if len(values) != 2 * n:
+                raise ValueError(f"got a status of {len(values)} pressures, expected {2 * n}")
             pascals = [self._settings.unit.to_pascal(value) for value in values]
-            for arm, setting, actual in zip(ARM_NAMES, pascals[:2], pascals[2:], strict=True):
+            for arm, setting, actual in zip(self._arms, pascals[:n], pascals[n:], strict=True):
                 self.report("pressure_command", arm, setting, stamp=stamp)
                 self.report("pressure", arm, actual, stamp=stamp)
             return

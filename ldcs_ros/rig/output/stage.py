@@ -90,7 +90,6 @@ class OutputStage:
         device: The device, not yet open.
         limits: Limits that hold.
         clock: Steady clock [s].
-        arms: Names of the arms.
         commands: Whether it may write at all.
 
     Attributes:
@@ -105,22 +104,20 @@ class OutputStage:
         device: Device,
         limits: Limits,
         clock: Callable[[], float],
-        arms: tuple[str, ...],
         *,
         commands: bool,
     ) -> None:
         self.device, self.commands = device, commands
         self._clock = clock
-        self.limiter = OutputLimiter(limits, clock, len(arms))
+        self.limiter = OutputLimiter(limits, clock)
         self.monitor = WriteMonitor(
             limits,
             clock,
-            arms,
             resolution=device.resolution,
             reads_back=device.reads_back,
             acknowledges=device.acknowledges,
         )
-        self._arms = arms
+        self._arms = limits.arms
         self._is_open = False
         self._connected = False
         self._error = "not opened yet"

@@ -43,8 +43,8 @@ REST = 1.0
 class MockRigNode(ParameterNode):
     """A mock rig; its own controller begins with the first subscriber, and `~/chambers` shows the true pressures.
 
-    That topic carries, in Pa gauge: left and right chamber, largest pressure so far, smallest and largest set-point
-    asked for.
+    That topic carries, in Pa gauge: each arm's chamber, the largest pressure so far, the smallest and the largest
+    set-point asked for.
 
     Attributes:
         finished: Set when the rig has failed; else it runs until it is stopped.
@@ -134,7 +134,7 @@ class MockRigNode(ParameterNode):
             if not change.name.startswith(FAULT):
                 continue
             try:
-                self._rig.faults.set(change.name.removeprefix(FAULT), change.value)
+                self._rig.set_fault(change.name.removeprefix(FAULT), change.value)
             except BridgeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -154,10 +154,9 @@ class MockRigNode(ParameterNode):
             self.failure = f"the rig stopped: {self._server.failure}"
             self.get_logger().error(self.failure)
             self.finished.set()
-        left, right = (self._rig.pressure / 1e3).tolist()
-        peak = self._rig.peak / 1e3
-        print(
-            f"rig: left {left:6.1f} kPa, right {right:6.1f} kPa, peak {peak:6.1f} kPa",
-            file=sys.stderr,
-            flush=True,
+        rig = self._rig
+        chambers = ", ".join(
+            f"{arm} {value / 1e3:6.1f} kPa"
+            for arm, value in zip(rig.simulation.arm_names, rig.pressure.tolist(), strict=True)
         )
+        print(f"rig: {chambers}, peak {rig.peak / 1e3:6.1f} kPa", file=sys.stderr, flush=True)

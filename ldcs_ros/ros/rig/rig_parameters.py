@@ -66,12 +66,10 @@ _MOCK_RIG = (
     NodeParameter(
         "fault_stuck",
         _FAULTS.stuck,
-        "Arm whose valve stays as it is: left, right, or empty for none.",
+        "Arm whose valve stays as it is; empty for none.",
         read_only=False,
     ),
-    NodeParameter(
-        "fault_leak", _FAULTS.leak, "Arm that loses air: left, right, or empty for none.", read_only=False
-    ),
+    NodeParameter("fault_leak", _FAULTS.leak, "Arm that loses air; empty for none.", read_only=False),
     NodeParameter(
         "fault_duplicates",
         _FAULTS.duplicates,
@@ -91,7 +89,7 @@ _MOCK_RIG = (
     NodeParameter(
         "fault_nan",
         _FAULTS.nan,
-        "Arm whose pressure sensor reports invalid values: left, right, or empty for none.",
+        "Arm whose pressure sensor reports invalid values; empty for none.",
         read_only=False,
     ),
     NodeParameter("fault_drop", _FAULTS.drop, "The connection is gone.", read_only=False),
