@@ -12,9 +12,12 @@ from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.load import load_scene
+from ldcs_ros.signals import mapping
 from ldcs_ros.signals.series import Series, at_times, clean, curve, reference_is_first, resample_common
+from ldcs_ros.signals.signals import read_signals
 from ldcs_ros.signals.topics import find_topic, guess_mapping
 from ldcs_ros.signals.tracks import (
+    cloud_nodes,
     cloud_positions,
     point_tracks,
     pressure_tracks,
@@ -241,3 +244,55 @@ def test_a_wall_clock_is_told_from_a_simulations_by_ten_years():
     year = 365 * 86_400 * 10**9
     assert seconds(np.array([9 * year]), 8 * year)[0] == pytest.approx(9 * 365 * 86_400.0)
     assert seconds(np.array([11 * year]), 10 * year)[0] == pytest.approx(365 * 86_400.0)
+
+
+def test_a_twins_own_bag_has_gauge_pressures_truths_and_the_nearest_cloud(tmp_path):
+    messages = [("/left/pressure", 10 * MS, rig_bag.fluid(10 * MS, 51_325.0))]
+    for k in (1, 2, 3):
+        messages.append(("/truth/P1/pose", k * 10 * MS, pose(k * 10 * MS, [0.1 * k, 0.0, 0.0])))
+        messages.append(("/nodes", k * 10 * MS, cloud(k * 10 * MS, np.full((8, 3), float(k)))))
+    recording = read_bag(rig_bag.write(tmp_path / "bag", messages))
+    found = read_signals(recording, name="run", mapping=None, measured=False)
+    assert found.series["left/pressure"].value == pytest.approx(-50_000.0) and found.in_simulation_time
+    assert found.series["P1"].value[:, 0] == pytest.approx([0.1, 0.2, 0.3]) and found.series["P1"].smooth
+    track = surface_track(recording)
+    assert [track.index(time) for time in (0.0, 0.0149, 0.021, 9.0)] == [0, 0, 1, 2]
+
+
+def test_a_pose_without_a_stamp_has_its_log_time_on_a_wall_clock_alone(tmp_path):
+    wall = rig_bag.WALL
+    messages = [("/P1/pose", wall + k * 10 * MS, pose(0, [float(k), 0.0, 0.0])) for k in range(3)]
+    recording = read_bag(rig_bag.write(tmp_path / "rig", messages))
+    assert point_tracks(recording, truth=False)["P1"].time == pytest.approx([0.0, 0.01, 0.02])
+    stamped = [("/P1/pose", wall + k * 10 * MS, pose(wall + k * 20 * MS, [0.0, 0.0, 0.0])) for k in range(3)]
+    recording = read_bag(rig_bag.write(tmp_path / "stamped", stamped))
+    assert point_tracks(recording, truth=False)["P1"].time == pytest.approx([0.0, 0.02, 0.04])
+
+
+@pytest.mark.parametrize(("height", "width"), [(2, 4), (5, 2), (4, 1)])
+def test_a_cloud_that_is_no_sheet_is_refused(height, width):
+    shown = cloud(0, np.ones((8, 3)))
+    shown.height, shown.width = height, width
+    with pytest.raises(RecordingError, match="expected both layers of a sheet"):
+        cloud_nodes(shown)
+
+
+def test_units_are_their_factors_to_si():
+    factors = {
+        "PRESSURE": {"Pa": 1.0, "kPa": 1e3, "mbar": 100.0, "bar": 1e5, "psi": 6894.757},
+        "TORQUE": {"N m": 1.0, "mN m": 1e-3},
+        "FORCE": {"N": 1.0, "mN": 1e-3},
+        "ANGLE": {"rad": 1.0, "deg": np.pi / 180.0},
+        "LENGTH": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    }
+    for name, known in factors.items():
+        table = getattr(mapping, name)
+        for unit in known.keys() & table.keys():
+            assert table[unit] == pytest.approx(known[unit], rel=1e-6), unit
+        assert len(known.keys() & table.keys()) >= 2
+    source = mapping.MeasurementSource("/t", "P0")
+    assert (
+        source.rotation == (0.0, 0.0, 0.0, 1.0)
+        and source.translation == (0.0, 0.0, 0.0)
+        and source.scale == 1.0
+    )
