@@ -28,8 +28,8 @@ def arm_radius(simulation):
 
 def test_every_shipped_scene_is_listed_here():
     assert set(shipped_scenes()) == {
-        "arc", "arc_material", "free_flight", "hanging_sheet", "paper", "paper_calibrated", "paper_no_load", "rig",
-        "single_spring",
+        "arc", "arc_material", "free_flight", "gripper_strip", "hanging_sheet", "mould", "paper", "paper_calibrated",
+        "paper_no_load", "perforated", "rig", "single_spring", "three_arms",
     }  # fmt: skip
 
 
@@ -147,3 +147,47 @@ def test_free_flight_keeps_the_momentum_of_the_push():
     # which nothing takes back here. At 1e-6 m a step and 200 steps of a 70 mm radius that is 1e-4 of it at
     # most.
     np.testing.assert_allclose(later, angular, atol=1e-4 * np.linalg.norm(angular))
+
+
+def resting_place(name, point, **nodes):
+    """Position of a point of a scene at rest [m], with commands of the scene's own schedule."""
+    simulation = (
+        load_scene(name).edited({f"lattice.{key}": list(value) for key, value in nodes.items()}).build()
+    )
+    simulation.settle()
+    return simulation.points[point].position(simulation.state.position)
+
+
+def test_three_arms_converge_as_the_lattice_is_refined():
+    # The limit of P1's height is that of 9 x 6, 17 x 11 and 33 x 21 nodes (61.70, 58.49, 57.77 mm), order 2.2.
+    limit = 57.56e-3
+    coarse, fine = (resting_place("three_arms", "P1", nodes=nodes)[2] - limit for nodes in ((9, 6), (17, 11)))
+    assert 3.0 < coarse / fine < 6.0 and fine < 1.1e-3
+    assert resting_place("three_arms", "P1")[2] == pytest.approx(limit, abs=2.5e-3)
+
+
+def test_the_mould_makes_a_saddle_a_dome_and_a_bowl():
+    simulation = load_scene("mould").build()
+    shapes = {}
+    for name, pressure in (("saddle", None), ("dome", 0.0), ("bowl", 60e3)):
+        if pressure is not None:
+            simulation.inputs.set_pressure(pressure)
+        simulation.settle()
+        height = simulation.state.position.reshape(2, 17, 17, 3)[..., 2].mean(axis=0)
+        shapes[name] = np.array([height[0, 8], height[16, 8], height[8, 0], height[8, 16]]) - height[8, 8]
+    # The middles of the sides along x, then those along y [m].
+    assert (shapes["saddle"][:2] > 8e-3).all() and (shapes["saddle"][2:] < -4e-3).all()
+    assert (shapes["dome"] < -15e-3).all()
+    np.testing.assert_allclose(shapes["bowl"], [23.2e-3, 38.5e-3, 31.0e-3, 31.0e-3], atol=1e-3)
+
+
+def test_the_gripper_strip_curls():
+    # 83.23, 83.15 and 83.09 mm on 13 x 3, 25 x 5 and 37 x 7 nodes.
+    place = resting_place("gripper_strip", "P1")
+    np.testing.assert_allclose(place, [23.9e-3, 0.0, 83.15e-3], atol=3e-4)
+
+
+def test_the_perforated_sheet_rests_where_it_did_and_symmetrically():
+    # P1: 56.4, 51.7 and 50.1 mm on 9 x 9, 17 x 17 and 33 x 33 nodes.
+    place = resting_place("perforated", "P1")
+    np.testing.assert_allclose(place[[1, 2]], [0.0, 51.66e-3], atol=5e-5)

@@ -30,7 +30,7 @@ class Lattice:
         nodes: Number of nodes along x and y.
         mass: Mass of the whole sheet before holes are cut and regions are applied [kg].
         mass_by_area: Distribute the mass by the area of each node; otherwise equally, as the paper does.
-        holes: Shapes whose inside is cut out; nodes on their outline stay.
+        holes: Shapes whose inside is cut out; nodes on their outline stay if they have a whole cell.
         regions: Parts with factors on stiffness, damping, mass and thickness.
     """
 
@@ -188,21 +188,32 @@ class Lattice:
 
     @cached_property
     def missing(self) -> np.ndarray:
-        """Nodes of both layers inside of holes, sorted, shape (n_missing,).
+        """Nodes of both layers inside of holes, and those that no whole cell is left of, sorted, shape (n_missing,).
 
         Raises:
             ValueError: The holes leave nothing, or cut the sheet into pieces.
         """
-        if not self.holes:
+        kept = self._whole_cells
+        if kept is None:
             return np.zeros(0, dtype=np.int64)
+        near = np.pad(kept, 1)
+        corner = near[1:, 1:] | near[1:, :-1] | near[:-1, 1:] | near[:-1, :-1]
+        _check_in_one_piece(corner)
+        return np.flatnonzero(np.tile(~corner.ravel(), 2))
+
+    @cached_property
+    def _whole_cells(self) -> np.ndarray | None:
+        # Cells without a corner inside of a hole, shape (nx - 1, ny - 1); None where there are no holes.
+        if not self.holes:
+            return None
         nx, ny = self.nodes
         x, y = np.meshgrid(
             np.linspace(0.0, self.size[0], nx), np.linspace(-0.5, 0.5, ny) * self.size[1], indexing="ij"
         )
         place, slack = np.stack([x.ravel(), y.ravel()], axis=1), ROUNDING * max(self.size)
         inside = np.any([hole.distance(place) < -slack for hole in self.holes], axis=0).reshape(nx, ny)
-        _check_in_one_piece(~inside)
-        return np.flatnonzero(np.tile(inside.ravel(), 2))
+        cut: np.ndarray = inside[1:, 1:] | inside[1:, :-1] | inside[:-1, 1:] | inside[:-1, :-1]
+        return ~cut
 
     def spring_factor(self, quantity: str) -> np.ndarray:
         """Return the factor of each spring by the cells that it belongs to, shape (n_springs,).
@@ -210,7 +221,7 @@ class Lattice:
         Args:
             quantity: stiffness or damping of the regions; whole for the fraction of the cells that no hole cuts.
         """
-        if not self.regions and not (quantity == "whole" and self.holes):
+        if not (self.holes if quantity == "whole" else self.regions):
             return np.ones(len(self.springs))
         cells = self._cell_factor(quantity)
         place = np.stack(np.unravel_index(self.springs, (2, *self.nodes)), axis=-1)[..., 1:]
@@ -225,8 +236,8 @@ class Lattice:
 
     def _cell_factor(self, quantity: str) -> np.ndarray:
         if quantity == "whole":
-            kept = ~np.isin(self.index[0], self.missing)
-            return (kept[1:, 1:] & kept[1:, :-1] & kept[:-1, 1:] & kept[:-1, :-1]).astype(float)
+            whole = self._whole_cells
+            return np.ones((self.nodes[0] - 1, self.nodes[1] - 1)) if whole is None else whole.astype(float)
         # Factors of overlapping regions multiply.
         (length, width), (nx, ny) = self.size[:2], self.nodes
         x, y = np.meshgrid(
