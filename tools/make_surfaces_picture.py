@@ -26,7 +26,7 @@ COLUMNS, WIDTH, HEIGHT = 3, 3.3, 2.5
 def main() -> None:
     """Settle each scene, draw it into a panel and write the picture."""
     rows = len(PANELS) // COLUMNS
-    figure = new_figure(COLUMNS * WIDTH, rows * HEIGHT)
+    figure = new_figure(COLUMNS * WIDTH, rows * HEIGHT, dpi=110)
     for number, (name, title) in enumerate(PANELS):
         scene = load_scene(name)
         simulation = scene.build()

@@ -193,7 +193,14 @@ class Arms(Effect):
     )
     rise_time: float = quantity(1.0, "s", "duration of its smooth rise", low=1e-6, high=1e6)
 
-    arms: tuple[PlacedArm, ...] = field(default=(), metadata={"placed_arms": True})
+    arms: tuple[PlacedArm, ...] = field(
+        default=(),
+        metadata={
+            "placed_arms": True,
+            "help": "list of arms: name, from, to [m], and own parameters; left and right without it",
+            "source": "paper, section II: two arms",
+        },
+    )
 
     def placed(self, lattice: Lattice) -> tuple[PlacedArm, ...]:
         """Return the arms of the list; without one, left and right along the edges of a lattice."""
