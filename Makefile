@@ -34,8 +34,9 @@ test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, the
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench
 
-lint: setup  ## check the style
+lint: setup  ## check the style and the spelling
 	@$(BIN)/ruff check --quiet .
+	@$(BIN)/typos --format brief .
 
 hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases.md: HARD='--only floor' for a few
 	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)

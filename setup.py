@@ -59,7 +59,7 @@ setup(
         # What `ldcs study --scheduler` needs to use more than one machine.
         "cluster": ["distributed"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
-        "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80"],
+        "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80", "typos"],
     },
     entry_points={
         "console_scripts": [
