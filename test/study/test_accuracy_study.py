@@ -82,4 +82,4 @@ def test_the_figures_count_missed_accuracies_and_silent_estimates():
     )
     assert (found.pairs, found.stopped, found.within) == (4, 1, 0.75)
     assert found.ratio[2] == pytest.approx(4.0)
-    assert (found.honest, found.sharp) == (0.75, 0.75)
+    assert (found.consistent, found.sharp) == (0.75, 0.75)

@@ -15,7 +15,7 @@ REFERENCE_ERROR = 2e-9
 
 
 @dataclass(frozen=True)
-class Figures:
+class EstimateStatistics:
     """Distributions over pairs of a case and an accuracy.
 
     Attributes:
@@ -25,7 +25,7 @@ class Figures:
         ratio: Real over asked error: median, 95 % and worst.
         worst: The case of the worst.
         effectivity: Estimated over real error: 1 %, median and 99 %.
-        honest: Fraction of pairs whose estimate is at least the real error over 1.5.
+        consistent: Fraction of pairs whose estimate is at least the real error over 1.5.
         sharp: Fraction of pairs whose estimate is within ten times the real error.
     """
 
@@ -35,11 +35,11 @@ class Figures:
     ratio: tuple[float, float, float]
     worst: str
     effectivity: tuple[float, float, float]
-    honest: float
+    consistent: float
     sharp: float
 
 
-def figures(pairs: list[Pair]) -> Figures:
+def figures(pairs: list[Pair]) -> EstimateStatistics:
     """Return the figures of pairs; at least one must have a result."""
     done = [pair for pair in pairs if not pair.failure]
     ratio = np.array([pair.real / pair.asked for pair in done])
@@ -47,7 +47,7 @@ def figures(pairs: list[Pair]) -> Figures:
     real = np.maximum([pair.real for pair in done], REFERENCE_ERROR)
     effectivity = np.maximum(estimate, REFERENCE_ERROR) / real
     worst = done[int(np.argmax(ratio))]
-    return Figures(
+    return EstimateStatistics(
         len(done),
         len(pairs) - len(done),
         float(np.mean(ratio <= 1.0)),
@@ -63,7 +63,7 @@ def figures(pairs: list[Pair]) -> Figures:
     )
 
 
-def text(found: Figures) -> str:
+def text(found: EstimateStatistics) -> str:
     """Return the figures as lines, with what is asked for beside what is reached."""
     median, high, worst = found.ratio
     low, middle, top = found.effectivity
@@ -74,7 +74,7 @@ def text(found: Figures) -> str:
             f"real / asked                median {median:.2g}, 95 % {high:.2g}, worst {worst:.2g} "
             f"({found.worst}; asked for: 3)",
             f"estimate / real             1 % {low:.2g}, median {middle:.2g}, 99 % {top:.2g}",
-            f"estimate >= real / 1.5      {found.honest:.1%} (asked for: 99 %)",
+            f"estimate >= real / 1.5      {found.consistent:.1%} (asked for: 99 %)",
             f"estimate <= 10 real         {found.sharp:.1%} (asked for: 80 %)",
         ]
     )
