@@ -46,6 +46,22 @@ SMALL = {
 }
 
 
+THREE = {
+    **SMALL,
+    "effects": [
+        *SMALL["effects"][:3],
+        {
+            **SMALL["effects"][3],
+            "arms": [
+                {"name": "left", "from": [0.0, 0.07], "to": [0.14, 0.07]},
+                {"name": "middle", "from": [0.0, 0.0], "to": [0.07, 0.0], "pressure_gain": 8.0e-7},
+                {"name": "right", "from": [0.0, -0.07], "to": [0.14, -0.07]},
+            ],
+        },
+    ],
+}
+
+
 class HandClock:
     """A steady clock that is turned by hand."""
 
@@ -95,10 +111,12 @@ class InlineOutput(Link):
 class Bench:
     """Rig and bridge. With a HandClock and topics nothing waits; else time is real and links have threads."""
 
-    def __init__(self, transport, *, mode="live", clock=None, controller="remote", hidden=None):
+    def __init__(
+        self, transport, *, mode="live", clock=None, controller="remote", hidden=None, scene=SMALL, limits=None
+    ):
         self.clock = clock or time.monotonic
         self.by_hand = clock is not None
-        scene = load_scene(SMALL)
+        scene = load_scene(scene)
         self.rig = MockRig(hidden_scene(scene, hidden or Hidden()), clock=self.clock, controller=controller)
         self.topics = Topics(self.rig, self._to_bridge, pressures=transport == "topics")
         self.port = {"modbus": ModbusServer, "serial": SerialPort}.get(transport)
@@ -107,7 +125,7 @@ class Bench:
         self._receive = lambda topic, cdr: None
         if not self.by_hand:
             self.stand.start()
-        self.rig_file = load_rig(yaml.safe_load(self.stand.rig_file({})))
+        self.rig_file = load_rig(yaml.safe_load(self.stand.rig_file(limits or {})))
         links = self._inline(Mode(mode)) if self.by_hand else None
         self.bridge = Bridge(scene, self.rig_file, mode=Mode(mode), clock=self.clock, links=links)
         self.health = Health(self.bridge)
@@ -150,12 +168,12 @@ class Bench:
         assert until is None, f"did not happen in {duration} s"
         return duration
 
-    def pressurise(self):
-        """Arm it and bring both arms to the working pressure."""
+    def pressurise(self, *pressure):
+        """Arm it and bring the arms to pressures [Pa], or all to the working pressure."""
         self.run(5.0, lambda: not self.bridge.preconditions())
         self.bridge.arm()
-        self.operator = [WORKING, WORKING]
-        self.run(5.0, lambda: self.rig.pressure.min() > 0.9 * WORKING)
+        self.operator = list(pressure or [WORKING] * len(self.rig.pressure))
+        self.run(5.0, lambda: (self.rig.pressure > 0.9 * np.array(self.operator)).all())
 
     def is_empty(self, *arms):
         """Whether the chambers of these arms (or of all) are empty."""

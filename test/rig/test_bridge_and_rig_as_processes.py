@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from rig_bench import LIMIT, SMALL, WORKING
+from rig_bench import LIMIT, SMALL, THREE, WORKING
 
 from ldcs_ros.bags import read_bag
 from ldcs_ros.rig.limits import Limits
@@ -162,11 +162,14 @@ def test_mirror_finds_what_the_twin_does_not_know(pair):
 def test_bad_input_is_one_line_and_exit_status_two(tmp_path):
     from processes import Process, own_domain
 
+    three_arms = tmp_path / "three_arms.yaml"
+    three_arms.write_text(yaml.safe_dump(THREE))
     for parameters, words in (
         ({}, "got no rig"),
         ({"rig": "nowhere.yaml"}, "no rig 'nowhere.yaml'"),
         ({"rig": "controller_topics", "mode": "lively"}, "unknown mode 'lively'"),
         ({"rig": "controller_topics", "publish_rate": 0.0}, "publish_rate"),
+        ({"rig": "controller_topics", "scene": three_arms}, "those of the scene"),
     ):
         node = Process("bridge", tmp_path / "bad.log", own_domain(), **parameters)
         try:
