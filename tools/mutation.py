@@ -74,10 +74,10 @@ class Room:
 ROOMS = {
     "signals": Room(85, ("test/signals",), compiled=False),
     "twin": Room(55, ("test/twin",), compiled=False),
-    "simulation": Room(45, ("test/simulation",), compiled=True),
+    "simulation": Room(50, ("test/simulation",), compiled=True),
     "physics": Room(55, ("test/physics",), compiled=False),
     "rig": Room(
-        30,
+        40,
         (
             "test/rig",
             "--ignore=test/rig/test_bridge_and_rig_as_processes.py",
