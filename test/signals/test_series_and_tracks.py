@@ -236,8 +236,10 @@ def test_two_values_show_no_gap_and_a_value_at_its_own_time_is_in_none():
     assert resample_common(series([5.0, 6.0], [0.0, 0.0]), far, 0.0)[3] == 0
     # At 1.5 s a lone value between two gaps of 1 s, with periods of 0.1 s else.
     time = np.concatenate([np.arange(0.0, 0.55, 0.1), [1.5], np.arange(2.5, 3.05, 0.1)])
-    times, *_, skipped = resample_common(series([0.25, 1.0, 1.5, 2.0], np.zeros(4)), series(time, time), 0.0)
-    assert times.tolist() == [0.25, 1.5] and skipped == 2
+    for late in (0.0, 1e-9, -1e-9):
+        asked = series([0.25, 1.0, 1.5 + late, 2.0], np.zeros(4))
+        times, *_, skipped = resample_common(asked, series(time, time), 0.0)
+        assert times.tolist() == [0.25, 1.5 + late] and skipped == 2
 
 
 def test_a_wall_clock_is_told_from_a_simulations_by_ten_years():
@@ -257,6 +259,16 @@ def test_a_twins_own_bag_has_gauge_pressures_truths_and_the_nearest_cloud(tmp_pa
     assert found.series["P1"].value[:, 0] == pytest.approx([0.1, 0.2, 0.3]) and found.series["P1"].smooth
     track = surface_track(recording)
     assert [track.index(time) for time in (0.0, 0.0149, 0.021, 9.0)] == [0, 0, 1, 2]
+
+
+def test_a_bag_that_starts_more_than_ten_years_after_1970_has_a_wall_clock(tmp_path):
+    year = 365 * 86_400 * 10**9
+    for years, simulated in ((9.9, True), (10.5, False)):
+        start = round(years * year)
+        message = ("/truth/P1/pose", start, pose(start, [1.0, 0.0, 0.0]))
+        recording = read_bag(rig_bag.write(tmp_path / f"{years}", [message]))
+        found = read_signals(recording, name="run", mapping=None, measured=False)
+        assert found.in_simulation_time is simulated
 
 
 def test_a_pose_without_a_stamp_has_its_log_time_on_a_wall_clock_alone(tmp_path):

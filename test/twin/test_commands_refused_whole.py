@@ -150,6 +150,12 @@ def test_torques_of_some_joints_only_are_of_the_wrong_size(run):
     assert "wrong size" in refusal and "got 3 values for 2 arms, expected 2 or 4" in refusal
 
 
+def test_the_first_arm_command_may_have_the_number_zero(run):
+    twin, _ = run()
+    assert twin.receive("arm_command", arms(0, ["left"], pressures=[1e4])) is None
+    assert twin.receive("arm_command", arms(0, ["left"], pressures=[2e4])).startswith("out of order")
+
+
 def test_an_arm_command_gives_torques_by_arm_or_by_joint(run):
     twin, _ = run(RailScene(drive="torque"))
     assert twin.receive("arm_command", arms(1, ["right"], torques=[0.5])) is None
@@ -165,6 +171,7 @@ def test_an_arm_command_gives_torques_by_arm_or_by_joint(run):
         (arms(6, [], pressures=[1.0]), "wrong size"),
         (arms(6, ["left", "left"], pressures=[1.0, 2.0]), "wrong size"),
         (arms(6, ["left"], pressures=[1.0, 2.0]), "wrong size"),
+        (arms(6, ["left", "right"], pressures=[1.0]), "wrong size"),
         (arms(6, ["left"]), "wrong size"),
         (arms(6, ["left"], pressures=[1.0], torques=[1.0]), "wrong size"),
         (arms(6, ["left"], torques=[1.0]), "effect absent"),

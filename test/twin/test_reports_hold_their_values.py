@@ -116,3 +116,12 @@ def test_the_tracker_stands_unturned_in_the_base_frame(run):
     assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
     assert (place.x, place.y, place.z) == (0.0, 0.0, 0.0)
     assert (base.header.frame_id, base.child_frame_id) == ("ldcs_base", "trakstar_base")
+
+
+@pytest.mark.parametrize("holes", [[], [{"circle": [0.05, 0.0, 0.012]}]])
+def test_a_cloud_is_dense_without_holes_only(run, holes):
+    lattice = {"size": [0.1, 0.1, 0.01], "nodes": [5, 5], "mass": 0.1, "holes": holes}
+    twin, collected = run(load_scene({**SMALL, "lattice": lattice}))
+    twin.advance_to(0.02)
+    message = last(collected, "nodes")
+    assert message.is_dense is (not holes) and (message.height, message.width) == (10, 5)
