@@ -1,4 +1,4 @@
-"""`ldcs scenes` and `ldcs effects` tell what there is, from the tables that scenes are checked against."""
+"""`ldcs scenes` and `ldcs effects` list the tables that scenes are checked against."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Help, unknown words and broken pipes: what every verb has in common."""
+"""Help, unknown words and broken pipes: the common part of every verb."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def test_the_pictures_are_printed_as_asked(ldcs, bags, tmp_path):
     written = {path.name for path in (tmp_path / "report").iterdir()}
     assert written == {"compare.md", "compare.pdf", "surface_error.pdf"}
     text = (tmp_path / "report" / "compare.md").read_text()
-    # What shows Markdown shows no PDF.
+    # A viewer of Markdown shows no PDF.
     assert "[compare.pdf](compare.pdf)" in text and "![compare.pdf]" not in text
 
 

@@ -1,4 +1,4 @@
-"""`ldcs recover` mends what a killed run left."""
+"""`ldcs recover` repairs the bag of a killed run."""
 
 from __future__ import annotations
 

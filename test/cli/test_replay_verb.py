@@ -1,4 +1,4 @@
-"""`ldcs replay` tells whether the same came out, makes other runs by intent, and says what is wrong in one line."""
+"""`ldcs replay` compares the result, makes other runs on request, and reports errors in one line."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_two_runs_record_the_same_bytes(ldcs, scene_file, tmp_path):
     for name in ("a", "b"):
         ldcs("simulate", scene_file, "--duration", "0.1", "--bag", tmp_path / name)
     a, b = (read_bag(tmp_path / name) for name in ("a", "b"))
-    # Diagnostics tell how long the computer took.
+    # Diagnostics report the time of the computer.
     topics = set(a.topics) - {"/diagnostics"}
     assert list(a.in_order(topics)) == list(b.in_order(topics))
 

@@ -1,4 +1,4 @@
-"""Two nodes of one name are told of each other, in the log and in the diagnostics."""
+"""Two nodes of one name are reported, in the log and in the diagnostics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The policy for SROS2 allows each node what it does and nothing else, and security that is not there is told."""
+"""The policy for SROS2 allows each node its actions and nothing else, and missing security is reported."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
         "reply": graph.get_service_names_and_types_by_node,
         "request": graph.get_client_names_and_types_by_node,
     }
-    # What comes last in each node's start.
+    # The last action in each node's start.
     last = {
         ("ldcs_sim", "/ldcs"): "/ldcs/traces",
         ("ldcs_bridge", "/ldcs"): "/ldcs/residual/P1",

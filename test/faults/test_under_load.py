@@ -1,4 +1,4 @@
-"""The long runs under load and fault, for seconds: what is required of an hour is required of them."""
+"""The long runs under load and fault, for seconds, with the requirements of an hour."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def install(monkeypatch: Any) -> None:
 
 @dataclass
 class Launched:
-    """What a description declares and starts.
+    """The declarations and processes of a description.
 
     Attributes:
         context: Its arguments by name.

@@ -1,4 +1,4 @@
-"""The launch files, executed: what they declare is explained, what they start exists and takes what it is given."""
+"""The launch files, executed: arguments are explained, processes exist and take their arguments."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "ldcs_ros/launch"
 FILES = sorted(path.name for path in FOLDER.glob("*.py"))
 TABLES = {"sim": PARAMETERS, "bridge": BRIDGE_PARAMETERS, "mock_rig": MOCK_RIG_PARAMETERS}
-# What has to be given, for the launch to mean anything.
+# Arguments that a launch requires.
 REQUIRED = {"replay.launch.py": {"bag": str(ROOT / "bags/impulse")}}
 
 

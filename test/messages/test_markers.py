@@ -34,7 +34,7 @@ def ends(marker):
     return np.array([[one.x, one.y, one.z] for one in marker.points])
 
 
-def test_markers_are_built_only_while_somebody_listens():
+def test_markers_are_built_only_while_they_have_subscribers():
     listened, collected = set(), []
     twin = Twin(
         load_scene("hanging_sheet"),

@@ -1,4 +1,4 @@
-"""What the messages hold, bit by bit: clouds, meshes, arrows, the tracker's axes."""
+"""The content of the messages, bit by bit: clouds, meshes, arrows, the tracker's axes."""
 
 from __future__ import annotations
 

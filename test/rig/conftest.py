@@ -14,5 +14,5 @@ from rig_bench import HandClock
 
 @pytest.fixture
 def clock():
-    """Return a steady clock that stands still until `pass_time`."""
+    """Return a steady clock that stays constant until `pass_time`."""
     return HandClock()

@@ -39,7 +39,7 @@ class Process:
         return self.process.wait(15.0)
 
     def end(self):
-        """Leave no process behind."""
+        """End every process."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait(10.0)

@@ -186,7 +186,7 @@ class Bench:
         return self.bridge.gate.state is GateState.VENTED
 
     def seen(self):
-        """What the operator sees: the diagnostics' levels and texts, by name."""
+        """Return the diagnostics: levels and texts by name."""
         return {status.name: (status.level, status.message) for status in self.health.read()}
 
     def check_limits(self):

@@ -1,4 +1,4 @@
-"""Whatever anybody asks for, and whenever, set-points stay within bounds and slew: at the gate and at the link."""
+"""For every sequence of commands, set-points stay within bounds and slew: at the gate and at the link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each fault of a rig, on each transport: what the operator sees, limits, and that the arms vent in time."""
+"""Each fault of a rig, on each transport: the diagnostics, the limits, and the vent in time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from rig_bench import LIMIT, WORKING, Bench, HandClock
 
 from ldcs_ros.messages.diagnostics import ERROR, WARN
 
-# What the operator reads in the diagnostics: entry, level, words.
+# Diagnostics of each fault: entry, level, words.
 SEEN = {
     "mute": ("readings", ERROR, "silent"),
     "delay": ("readings", ERROR, "old"),
@@ -28,7 +28,7 @@ VALUES = {
     "nan": "left",
     "drop": True,
 }
-# These leave fresh, sound readings behind: the arms work on, and vent when the operator falls silent.
+# These leave fresh, valid readings: the arms work on, and vent when the operator falls silent.
 HARMLESS = ("duplicates", "clock_jump")
 # On a wire some faults show as a broken connection, and registers are polled: there are no copies of them.
 ON_THE_WIRE = {

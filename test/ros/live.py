@@ -55,7 +55,7 @@ class LiveNode:
         return self.process.wait(10.0)
 
     def end(self):
-        """Leave no process behind."""
+        """End every process."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait(10.0)

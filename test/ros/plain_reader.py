@@ -1,4 +1,4 @@
-"""A program of somebody who has ROS and not this package: reads one cloud and prints what is in it as JSON."""
+"""A program with ROS and without this package: reads one cloud and prints its content as JSON."""
 
 import json
 import struct

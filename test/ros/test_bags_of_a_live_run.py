@@ -11,7 +11,7 @@ from ldcs_ros.twin.twin import Twin
 
 
 class Logger(list):
-    """Keeps what is told."""
+    """Keeps the log."""
 
     def info(self, text):
         self.append(("info", text))

@@ -1,4 +1,4 @@
-"""What the twin encodes without ROS is what rclpy decodes, for every topic."""
+"""rclpy decodes the messages that the twin encodes without ROS, for every topic."""
 
 from __future__ import annotations
 

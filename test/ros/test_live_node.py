@@ -142,7 +142,7 @@ def test_the_pace_can_be_changed_while_running(rig):
     assert 3 <= slow <= 10
 
 
-def test_markers_come_while_somebody_listens(rig):
+def test_markers_come_while_they_have_subscribers(rig):
     rig.listen("/ldcs/surface", "visualization_msgs/Marker")
     rig.listen("/ldcs/loads", "visualization_msgs/MarkerArray")
     surface = rig.next("/ldcs/surface")

@@ -1,4 +1,4 @@
-"""How a node starts and ends: signals, durations, bad input, trouble with the disk."""
+"""Start and end of a node: signals, durations, bad input, trouble with the disk."""
 
 from __future__ import annotations
 

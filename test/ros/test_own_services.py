@@ -59,7 +59,7 @@ def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start,
     user.listen("/ldcs/solver_status", "ldcs_msgs/SolverStatus")
     user.publisher("/ldcs/pressure_command", Float64MultiArray).publish(Float64MultiArray(data=[5e4]))
 
-    # What is refused is counted; state and solver are told.
+    # Refusals are counted; state and solver are reported.
     refused = push(user, point="P7")
     assert not refused.success and refused.message.startswith("unknown frame")
     state, status = user.next("/ldcs/lattice_state"), user.next("/ldcs/solver_status")
@@ -69,7 +69,7 @@ def test_wrenches_and_scenes_come_and_go_and_each_bag_replays_to_the_byte(start,
     single = np.frombuffer(bytes(cloud.data), np.float32).reshape(-1, 6)[:, :3]
     assert np.array_equal(single, np.reshape(state.position, (-1, 3)).astype(np.float32))
 
-    # What cannot be loaded changes nothing.
+    # A scene that cannot be loaded changes nothing.
     time = stamp(user.next(NODES))
     for bad in ("no_such_scene", "", "title: [", SMALL.replace("mass: 0.16", "mass: -1.0")):
         answer = load(user, bad)

@@ -23,7 +23,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "ldcs_ros/config"
 TABLES = {"sim": PARAMETERS, "bridge": BRIDGE_PARAMETERS, "mock_rig": MOCK_RIG_PARAMETERS}
 SERVICES = {"sim": SIM_SERVICES, "bridge": BRIDGE_SERVICES, "mock_rig": ()}
 NAMES = {"sim": ("/ldcs", "ldcs_sim"), "bridge": ("/ldcs", "ldcs_bridge"), "mock_rig": ("/", "mock_rig")}
-# What each says when it has started.
+# The line that each node prints after its start.
 STARTED = {"sim": "mm running", "bridge": " s | shadow, ", "mock_rig": "a bridge connects"}
 # Services that every node has.
 STANDARD = ("rcl_interfaces/", "lifecycle_msgs/", "type_description_interfaces/")
@@ -98,7 +98,7 @@ def test_the_node_takes_its_example_and_complains_of_nothing(example):
 
 def test_the_services_of_a_node_are_those_of_the_reference(example):
     node, _, services = example
-    # What needs a package, or a version of it, that is not installed is documented all the same.
+    # Services of packages, or versions of them, that are not installed are documented all the same.
     assert services == {one.name: one.type for one in SERVICES[node] if is_installed(one.type)}
 
 

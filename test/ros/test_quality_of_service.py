@@ -1,4 +1,4 @@
-"""Overrides of the quality of service: what is said of those that name nothing, and of those that cannot be."""
+"""Overrides of the quality of service: warnings of unknown topics, errors of invalid values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ldcs_ros.ros.common.qos import POLICIES, check_overrides, profile, with_pro
 
 
 def override_errors(**overrides):
-    """Return the errors of overrides of topics in the namespace /ldcs; double underscores stand for dots."""
+    """Return the errors of overrides of topics in the namespace /ldcs; double underscores mean dots."""
     given = {f"qos_overrides./ldcs/{name.replace('__', '.')}": value for name, value in overrides.items()}
     node = SimpleNamespace(
         given_parameters=lambda: given,

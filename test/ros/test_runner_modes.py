@@ -17,7 +17,7 @@ from ldcs_ros.twin.twin import Twin
 
 @pytest.fixture
 def run():
-    """Start a runner on rails; returns it with what it emitted and what it was told."""
+    """Start a runner on rails; return it with its messages and reports."""
     runners = []
 
     def begin(scene=None, factor=1.0, **options):

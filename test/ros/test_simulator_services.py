@@ -1,4 +1,4 @@
-"""The standard simulator services of a live node, as somebody uses them who knows them from another simulator."""
+"""The standard simulator services of a live node, as a user of another simulator calls them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Operator(PlainUser):
         return next(word for word, one in STATES.items() if one == number)
 
     def time_of(self, entity="P1"):
-        """Simulation time [ns] as the stamp of an entity's state tells it."""
+        """Return the simulation time [ns] as the stamp of an entity's state."""
         return stamp(self.ask("GetEntityState", entity=entity).state)
 
     def names(self, **filters):
@@ -198,7 +198,7 @@ def test_the_action_tells_of_each_step(paused):
     before = paused.time_of()
     status, result, told = paused.simulate(20)
     assert (status, result.result) == (GoalStatus.STATUS_SUCCEEDED, Result.RESULT_OK)
-    # rclpy's client drops what reaches it behind the end.
+    # rclpy's client drops feedback that arrives after the end.
     assert told and {one.completed_steps + one.remaining_steps for one in told} == {20}
     assert np.diff([one.completed_steps for one in told]).tolist() == [1] * (len(told) - 1)
     assert 19 * PERIOD_NS < paused.time_of() - before <= 20 * PERIOD_NS

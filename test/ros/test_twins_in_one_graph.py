@@ -89,7 +89,7 @@ def publishers(user, topic):
 
 def test_a_command_to_one_twin_reaches_no_other(twins, user):
     sender = user.publisher("/twin1/pressure_command", Float64MultiArray)
-    # Both follow their scene's schedule, to 140 kPa, until somebody commands them.
+    # Both follow their scene's schedule, to 140 kPa, until the first command.
     user.until(lambda: user.next("/twin2/left/pressure").fluid_pressure > 181325.0)
     sender.publish(Float64MultiArray(data=[2.0e4]))
     user.until(lambda: user.next("/twin1/left/pressure").fluid_pressure < 131325.0)

@@ -81,6 +81,6 @@ EXPRESSIONS = st.recursive(
 @given(EXPRESSIONS, st.text("abc", max_size=6))
 @example("((a|^)){2}b", "ab")
 def test_it_agrees_with_another_matcher(expression, name):
-    # That one knows \Z for the end of the text; its own $ also stands before a last newline.
+    # That one knows \Z for the end of the text; its own $ also matches before a last newline.
     expected = re.fullmatch(expression.replace("$", r"\Z"), name) is not None
     assert NameFilter(expression).matches(name) == expected

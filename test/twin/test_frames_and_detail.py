@@ -1,4 +1,4 @@
-"""Prefixed frames, and the two messages that come only where somebody wants them."""
+"""Prefixed frames, and the two messages that come only on demand."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_the_solver_reports_ten_times_a_second_at_any_publish_rate(run):
     assert message.real_time_factor > 1.0
 
 
-def test_nobody_pays_for_what_nobody_wants(run):
+def test_messages_without_subscribers_cost_nothing(run):
     twin, collected = run()
     twin.advance_to(0.2)
     assert not collected.on("lattice_state") and not collected.on("solver_status")

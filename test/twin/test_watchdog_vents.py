@@ -1,4 +1,4 @@
-"""Silence of a sender vents the arms along a ramp and stays so until somebody rearms."""
+"""Silence of a sender vents the arms along a ramp and stays so until rearm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def guarded(run, clock, drive="pressure", **limits):
     return run(RailScene(drive=drive), watchdog=Watchdog(clock, **limits))
 
 
-def test_a_twin_that_nobody_commands_is_left_alone(run, clock):
+def test_a_twin_without_commands_is_left_alone(run, clock):
     twin, _ = guarded(run, clock, timeout=0.3)
     clock.now += 1000.0
     assert not twin.check_watchdog()

@@ -16,7 +16,7 @@ PUSH = {"point": "P1", "frame_id": "ldcs_base", "force": (0.0, 0.0, 2.0), "torqu
 
 
 def held(collected):
-    """What was commanded: time [s], frame, force along z [N]."""
+    """Return the commands: time [s], frame, force along z [N]."""
     messages = [(time, decode(kind, cdr)) for _, kind, cdr, time in collected.on("external_wrench")]
     return [(time / 1e9, one.header.frame_id, one.wrench.force.z) for time, one in messages]
 
