@@ -47,7 +47,7 @@ def test_shares_and_values_are_inverse_and_slopes_are_their_slopes(low, high):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("effects.spings.stiffness", "no entry of type 'spings'"),
+        ("effects.spings.stiffness", "no entry of the type or name 'spings'"),
         ("effects.springs.law", "expected a number"),
         ("effects.arms.fill_time", "not given in the scene"),
         ("effects.springs.stiffness=90..100", "not in 90"),

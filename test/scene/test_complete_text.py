@@ -21,7 +21,7 @@ def test_the_complete_text_means_the_same_scene(name):
     one, two = scene.build(), again.build()
     for simulation in (one, two):
         simulation.advance_to(0.05)
-    assert np.array_equal(one.state.position, two.state.position)
+    assert np.array_equal(one.state.position, two.state.position, equal_nan=True)
 
 
 def test_no_parameter_is_left_to_a_default():
