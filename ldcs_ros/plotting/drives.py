@@ -22,7 +22,7 @@ from ldcs_ros.signals.tracks import Track
 
 KPA = 1e-3
 KEY_ROWS = 14
-DASHES: tuple[Any, ...] = ("solid", (0, (3, 2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = ("solid", (0, (3, 2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 
 
 def drives_figure(
