@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ldcs_ros.bags import read_bag
+from ldcs_ros.bags import BagWriter, TopicInfo, read_bag
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.messages.cdr import encode
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.load import load_scene
 from ldcs_ros.signals import mapping
@@ -308,3 +309,15 @@ def test_units_are_their_factors_to_si():
         and source.translation == (0.0, 0.0, 0.0)
         and source.scale == 1.0
     )
+
+
+def test_a_topic_without_messages_is_not_found(tmp_path):
+    kind = "sensor_msgs/msg/FluidPressure"
+    writer = BagWriter(
+        tmp_path / "bag", topics={"/left/pressure": TopicInfo(kind), "/a/left/pressure": TopicInfo(kind)}
+    )
+    writer.write("/a/left/pressure", kind, encode(rig_bag.fluid(10 * MS, 3.0)), 10 * MS)
+    writer.close()
+    recording = read_bag(tmp_path / "bag")
+    assert find_topic(recording, "pressure", kind) == "/a/left/pressure"
+    assert pressure_tracks(recording)["left"].value.tolist() == [3.0]
