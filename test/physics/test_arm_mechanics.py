@@ -7,7 +7,10 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import SceneError
-from ldcs_ros.physics.inputs import NO_INPUTS
+from ldcs_ros.physics.effects import effect_class
+from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands
+from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.model import Model
 
 
 def _kinetic_energy(phi, rate, mass, inertia, length):
@@ -124,3 +127,29 @@ def test_the_sheets_weight_bends_the_arms():
     for simulation in (paper, unloaded):
         simulation.settle()
     assert (unloaded.state.link_angle[:, -1] - paper.state.link_angle[:, -1] > 0.05).all()
+
+
+def test_weight_and_coriolis_forces_of_a_fast_chain_have_their_exact_slopes():
+    # Without joints and couplings the chain's own forces are all there is; a stiff part would hide an error in them.
+    lattice = Lattice((0.12, 0.1, 0.01), (4, 2), 0.1)
+    values = {"links": 3, "link_mass": 0.05, "joint_stiffness": 0.0, "joint_damping": 0.0, "width": 0,
+              "coupling_stiffness": 0.0, "coupling_damping": 0.0}  # fmt: skip
+    model = Model(lattice, {}, [effect_class("gravity")(), effect_class("arms")(**values)])
+    q, u = model.reference_state()
+    generator = np.random.default_rng(4)
+    q[-6:], u[-6:] = generator.uniform(-1.0, 1.0, 6), generator.uniform(-20.0, 20.0, 6)
+    inputs = HeldCommands(torque=np.zeros((2, 3)))
+    by_angle, by_rate = (np.zeros((len(q), len(q))) for _ in range(2))
+    parts = model.jacobian(0.0, q, u, inputs, positive_definite=False)
+    for dense, part in zip((by_angle, by_rate), parts, strict=True):
+        np.add.at(dense, model.jacobian_pattern, part)
+    h = 1e-5
+    for dense, vector in ((by_angle, q), (by_rate, u)):
+        for k in range(len(q) - 6, len(q)):
+            before = vector[k]
+            ends = []
+            for vector[k] in (before - h, before + h):
+                ends.append(model.force(0.0, q, u, inputs)[-6:].copy())
+            vector[k] = before
+            np.testing.assert_allclose(dense[-6:, k], (ends[1] - ends[0]) / (2.0 * h), rtol=1e-5, atol=1e-8)
+    assert np.abs(by_angle[-6:, -6:]).max() > 0.01 and np.abs(by_rate[-6:, -6:]).max() > 1e-4
