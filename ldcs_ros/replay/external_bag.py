@@ -49,8 +49,6 @@ def _pressure(
     values = fields.numbers(message, source.field, message_type)
     known = simulation.arm_names
     arms = source.arms or known
-    if not set(arms) <= set(known):
-        raise MappingError(f"got the arms {list(arms)}, expected some of the scene's {list(known)}")
     if values.size not in (1, len(arms)):
         raise MappingError(f"got {values.size} pressures, expected 1 or {len(arms)} for {arms}")
     offset = fields.default_offset(message_type, ambient) if source.offset is None else source.offset
@@ -146,6 +144,19 @@ class MappedCommand:
 
     def refused(self, reason: str) -> None:
         self.report.refused[reason] += 1
+
+
+def check_arms(mapping: Mapping, known: tuple[str, ...]) -> None:
+    """Check that the scene has each arm of a mapping.
+
+    Raises:
+        MappingError: It has not.
+    """
+    for index, source in enumerate(mapping.commands):
+        if not set(source.arms) <= set(known):
+            raise MappingError(
+                f"got {list(source.arms)}, expected arms of the scene {list(known)} @ commands[{index}].arms"
+            )
 
 
 def mapped_commands(

@@ -11,7 +11,7 @@ from pathlib import Path
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, RecordingError, SceneError
 from ldcs_ros.replay.drive import Outcome, TimedCommand, drive
-from ldcs_ros.replay.external_bag import mapped_commands
+from ldcs_ros.replay.external_bag import check_arms, mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.scene import Scene
@@ -201,6 +201,7 @@ def _replay_foreign(
         settled=mapping.initial == "rest",
     )
     twin = Twin(scene.without_schedule(), settings)
+    check_arms(mapping, twin.simulation.arm_names)
     start = round(twin.time * 1e9)
     # A scene may come to rest only later: the bag begins at that time.
     commands = [replace(command, time=command.time + start) for command in commands]

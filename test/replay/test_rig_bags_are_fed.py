@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rig_bag import WALL, array, fluid, transform, wrench, write
 
+from ldcs_ros import load_scene
 from ldcs_ros.bags import BagWriter, read_bag
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.messages import pressure_command
@@ -51,6 +52,30 @@ def test_names_units_and_order_of_arms_come_from_the_mapping(tmp_path, pneumatic
     assert fed(tmp_path / "twin") == [(0.1, [3e4, 5e4]), (0.25, [9e4, 0.0])]
     assert done.outcome.applied == 2 and done.twin.time == 0.4
     assert read_bag(tmp_path / "twin").custom_data["log_time_of_start"] == str(WALL)
+
+
+def test_without_names_the_values_of_a_topic_are_those_of_the_scenes_arms(tmp_path, pneumatic):
+    content = pneumatic.content
+    content["effects"][3]["arms"] = [
+        {"name": name, "from": [0.0, y], "to": [0.07, y]}
+        for name, y in (("a", 0.07), ("b", 0.0), ("c", -0.07))
+    ]
+    content["inputs"] = []
+    scene = load_scene(content)
+    messages = [
+        ("/valves", WALL, array([100.0, 200.0, 300.0])),
+        ("/one", WALL + 50 * MS, array([9e4])),
+        ("/valves", WALL + 100 * MS, array([100.0, 200.0])),
+    ]
+    source = write(tmp_path / "rig", messages)
+    valves = {"topic": "/valves", "to": "pressure_command", "unit": "mbar"}
+    done = run(
+        source, tmp_path, scene, mapping(valves, {"topic": "/one", "to": "pressure_command", "arms": ["b"]})
+    )
+    assert fed(tmp_path / "twin") == [(0.0, [1e4, 2e4, 3e4]), (0.05, [1e4, 9e4, 3e4])]
+    assert [report.problem for report in done.reports if report.problem] == [
+        "got 2 pressures, expected 1 or 3 for ('a', 'b', 'c')"
+    ]
 
 
 def test_the_twin_goes_as_if_somebody_had_commanded_it(tmp_path, pneumatic):
@@ -176,6 +201,11 @@ def test_a_mapping_that_does_not_fit_is_refused_before_anything_is_written(tmp_p
     source = write(tmp_path / "rig", [("/valves", WALL, array([1.0]))])
     with pytest.raises(MappingError, match=r"no topic '/valve', only \['/valves'\]"):
         run(source, tmp_path, pneumatic, mapping({"topic": "/valve", "to": "pressure_command"}))
+    with pytest.raises(
+        MappingError, match=r"expected arms of the scene \['left', 'right'\] @ commands\[0\].arms"
+    ):
+        middle = {"topic": "/valves", "to": "pressure_command", "arms": ["middle"]}
+        run(source, tmp_path, pneumatic, mapping(middle))
     with pytest.raises(MappingError, match="name one in a mapping file"):
         replay(source, tmp_path / "twin", changes=Changes(scene=pneumatic))
     with pytest.raises(ValueError, match="--scene rig"):
