@@ -125,3 +125,20 @@ def test_a_cloud_is_dense_without_holes_only(run, holes):
     twin.advance_to(0.02)
     message = last(collected, "nodes")
     assert message.is_dense is (not holes) and (message.height, message.width) == (10, 5)
+
+
+def test_diagnostics_come_once_a_second_and_joints_with_arms_alone(run):
+    twin, collected = run()
+    twin.advance_to(2.5)
+    assert [time for *_, time in collected.on("/diagnostics")] == [0, 10**9, 2 * 10**9]
+    bare, bare_collected = run(load_scene(SMALL))
+    bare.advance_to(0.1)
+    assert not bare_collected.on("joint_states") and "joint_states" not in bare.topics
+
+
+@pytest.mark.parametrize("with_arms", [True, False])
+def test_the_robot_of_the_arms_is_described_where_there_are_arms(run, with_arms):
+    arms = [{"type": "arms", "links": 2, "width": 0}] if with_arms else []
+    twin, collected = run(load_scene({**SMALL, "effects": [*SMALL["effects"], *arms]}), publish_tf=True)
+    twin.advance_to(0.02)
+    assert len(collected.on("robot_description")) == (1 if with_arms else 0)
