@@ -74,10 +74,10 @@ class Room:
 ROOMS = {
     "signals": Room(85, ("test/signals",), compiled=False),
     "twin": Room(55, ("test/twin",), compiled=False),
-    "simulation": Room(50, ("test/simulation",), compiled=True),
-    "physics": Room(55, ("test/physics",), compiled=False),
+    "simulation": Room(45, ("test/simulation",), compiled=True),
+    "physics": Room(60, ("test/physics",), compiled=False),
     "rig": Room(
-        40,
+        50,
         (
             "test/rig",
             "--ignore=test/rig/test_bridge_and_rig_as_processes.py",
@@ -86,7 +86,7 @@ ROOMS = {
         ),
         compiled=False,
     ),
-    "integrators": Room(30, ("test/integrators",), compiled=True),
+    "integrators": Room(40, ("test/integrators",), compiled=True),
 }
 
 
