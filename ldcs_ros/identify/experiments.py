@@ -15,6 +15,7 @@ from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.external_bag import mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
+from ldcs_ros.replay.span import check_span
 from ldcs_ros.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.series import Series
@@ -82,6 +83,7 @@ def read_experiment(
         IdentificationError: No point of the scene was tracked, or a command does not fit the scene.
     """
     recording = read_bag(bag)
+    check_span(recording)
     name = Path(bag).name
     recorded = recorded_run(recording) if mapping is None else None
     meaning = mapping or guess_mapping(recording)

@@ -26,12 +26,25 @@ class Topics:
         rig: The rig.
         publish: Sends a message: topic, type, CDR bytes.
         pressures: Publish pressures and take commands; else only the tracker, for a rig on another transport.
+        namespace: Namespace of the topics, such as '/left_stand'; '' for none.
+
+    Attributes:
+        command: Topic of the commands.
+        tracker: Topic of the tracker.
     """
 
     def __init__(
-        self, rig: MockRig, publish: Callable[[str, str, bytes], None], *, pressures: bool = True
+        self,
+        rig: MockRig,
+        publish: Callable[[str, str, bytes], None],
+        *,
+        pressures: bool = True,
+        namespace: str = "",
     ) -> None:
         self._rig, self._publish, self._pressures = rig, publish, pressures
+        self._namespace = namespace
+        self.command, self.tracker = namespace + COMMAND, namespace + TRACKER
+        self._setpoint = namespace + SETPOINT
         self._last = 0
 
     def start(self) -> None:
@@ -42,10 +55,10 @@ class Topics:
 
     def outgoing(self) -> dict[str, str]:
         """Return the topics that it publishes, with their types."""
-        topics = {TRACKER: TRANSFORM}
+        topics = {self.tracker: TRANSFORM}
         if self._pressures:
-            topics |= {SETPOINT: ARRAY}
-            topics |= {f"/rig/{arm}/pressure": FLUID for arm in self._rig.simulation.arm_names}
+            topics |= {self._setpoint: ARRAY}
+            topics |= {self._pressure(arm): FLUID for arm in self._rig.simulation.arm_names}
         return topics
 
     def describe(self) -> dict[str, Any]:
@@ -53,7 +66,7 @@ class Topics:
         probes = {f"trakstar{i}": point for i, point in enumerate(self._rig.simulation.points)}
         receive: list[dict[str, Any]] = [
             {
-                "topic": TRACKER,
+                "topic": self.tracker,
                 "type": TRANSFORM,
                 "gives": "position",
                 "names": probes,
@@ -65,12 +78,11 @@ class Topics:
             arms = list(self._rig.simulation.arm_names)
             common = {"gives": "pressure", "unit": "Pa", "reference": "absolute"}
             receive += [
-                {"topic": f"/rig/{arm}/pressure", "type": FLUID, "names": [arm], **common} for arm in arms
+                {"topic": self._pressure(arm), "type": FLUID, "names": [arm], **common} for arm in arms
             ]
-            receive.append(
-                {"topic": SETPOINT, "type": ARRAY, "gives": "pressure_command", "names": arms, "unit": "mbar"}
-            )
-            link["send"] = {"topic": COMMAND, "unit": "mbar"}
+            setpoint = {"topic": self._setpoint, "type": ARRAY, "gives": "pressure_command"}
+            receive.append({**setpoint, "names": arms, "unit": "mbar"})
+            link["send"] = {"topic": self.command, "unit": "mbar"}
         return link
 
     def receive(self, cdr: bytes) -> None:
@@ -85,13 +97,16 @@ class Topics:
         """Publish what is due; called about as often as the rig reports."""
         for stamp, measured in self._rig.tracked():
             moment = nanoseconds(stamp)
-            self._publish(TRACKER, TRANSFORM, messages.trakstar(moment, measured))
+            self._publish(self.tracker, TRANSFORM, messages.trakstar(moment, measured))
         if not self._pressures:
             return
         for status in self._rig.statuses(self._last):
             self._last = max(self._last, status.number)
             setpoint = np.array([_MBAR.from_pascal(value) for value in status.setpoint])
-            self._publish(SETPOINT, ARRAY, messages.pressure_command(setpoint))
+            self._publish(self._setpoint, ARRAY, messages.pressure_command(setpoint))
             for arm, value in zip(self._rig.simulation.arm_names, status.pressure, strict=True):
                 message = messages.fluid_pressure(nanoseconds(status.stamp), "rig", value + AMBIENT, 0.0)
-                self._publish(f"/rig/{arm}/pressure", FLUID, message)
+                self._publish(self._pressure(arm), FLUID, message)
+
+    def _pressure(self, arm: str) -> str:
+        return f"{self._namespace}/rig/{arm}/pressure"

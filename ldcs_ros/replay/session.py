@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ldcs_ros.bags import Recording, read_bag
-from ldcs_ros.errors import DivergenceError, RecordingError, SceneError
+from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.replay.drive import Outcome, TimedCommand, drive
 from ldcs_ros.replay.external_bag import check_arms, mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
+from ldcs_ros.replay.span import check_span
 from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
@@ -24,10 +25,6 @@ from ldcs_ros.twin.twin import Twin
 
 # A scene with a fixed step promises no accuracy; two platforms still round almost alike [m].
 FIXED_STEP_ALLOWED = 1e-6
-# A silence is suspicious from this length on, if it is this many times as long as all the rest [s].
-MAX_SILENCE = 60.0
-SILENCE_RATIO = 10.0
-MAX_SPAN = 30 * 86400.0
 
 
 @dataclass(frozen=True)
@@ -104,46 +101,13 @@ def replay(
     """
     recording, changes = read_bag(bag), changes or Changes()
     if changes.duration is None:
-        _check_span(recording)
+        check_span(recording)
     run = recorded_run(recording) if mapping is None else None
     if run is not None:
         return _replay_own(recording, run, Path(folder), changes, progress, stop)
     return _replay_foreign(
         recording, mapping or guess_mapping(recording), Path(folder), changes, progress, stop
     )
-
-
-def _check_span(recording: Recording) -> None:
-    """Refuse a bag with a silence that is far longer than the rest: its recorder's clock was set meanwhile.
-
-    Raises:
-        RecordingError: There is such a silence, or the bag spans more than MAX_SPAN.
-    """
-    if recording.duration <= MAX_SILENCE:
-        return
-    longest, begin, before = 0, recording.start, recording.start
-    for message in recording.in_order():
-        if message.time - before > longest:
-            longest, begin = message.time - before, before
-        before = message.time
-    silence = longest / 1e9
-    if silence > MAX_SILENCE and silence > SILENCE_RATIO * (recording.duration - silence):
-        at = (begin - recording.start) / 1e9
-        raise RecordingError(
-            f"{recording.name} spans {_span(recording.duration)}, but is silent for {_span(silence)} after its first "
-            f"{at:.3f} s: the clock of its recorder was set; cut it there, or give --duration"
-        )
-    if recording.duration > MAX_SPAN:
-        raise RecordingError(
-            f"{recording.name} spans {_span(recording.duration)}, expected at most {_span(MAX_SPAN)}; give --duration"
-        )
-
-
-def _span(seconds: float) -> str:
-    for unit, length in (("years", 365.25 * 86400.0), ("days", 86400.0), ("hours", 3600.0)):
-        if seconds >= 2.0 * length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.3f} s"
 
 
 def _replay_own(

@@ -8,6 +8,12 @@ from ldcs_ros.messages.diagnostics import OK, WARN, Status
 from ldcs_ros.twin.commands import Commands
 from ldcs_ros.twin.watchdog import Watchdog
 
+_UNITS = {"wall_time": "s", "error_estimate": "m"}
+
+
+def _with_unit(name: str) -> str:
+    return f"{name} [{_UNITS[name]}]" if name in _UNITS else name
+
 
 def twin_statuses(solver: Mapping[str, object], commands: Commands, watchdog: Watchdog) -> list[Status]:
     """Return the entries that every twin has; `solver` holds the figures of its statistics by name."""
@@ -17,7 +23,7 @@ def twin_statuses(solver: Mapping[str, object], commands: Commands, watchdog: Wa
     limits = {"command_timeout [s]": watchdog.timeout, "wrench_timeout [s]": watchdog.wrench_timeout}
     watching = "tripped: arms vented, call rearm" if watchdog.tripped else watchdog.state
     return [
-        Status("solver", OK, "running", solver),
+        Status("solver", OK, "running", {_with_unit(name): value for name, value in solver.items()}),
         Status(
             "commands",
             OK,

@@ -7,6 +7,7 @@ from rig_bag import WALL, fluid, write
 
 from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.identify.experiments import read_experiment
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.replay.session import Changes, replay
 from ldcs_ros.signals.mapping import parse_mapping
@@ -63,3 +64,10 @@ def test_a_first_log_time_of_zero_is_refused_before_the_run(tmp_path, pneumatic)
     ):
         fed(tmp_path, pneumatic, sent)
     assert not (tmp_path / "twin").exists()
+
+
+def test_identification_refuses_a_bag_that_spans_years_too(tmp_path, pneumatic):
+    source = write(tmp_path / "rig", [("/l", log, fluid(log, 101325.0)) for log in (0, WALL, WALL + SECOND)])
+    mapping = parse_mapping({"commands": [COMMAND], "measurements": [{"topic": "/l", "to": "left/pressure"}]})
+    with pytest.raises(RecordingError, match="spans 56.7 years"):
+        read_experiment(source, pneumatic, mapping=mapping)

@@ -111,3 +111,16 @@ def test_shorter_timeouts_ask_for_a_faster_exchange():
 @pytest.mark.parametrize("name", shipped_rigs())
 def test_the_shipped_rig_files_keep_the_promise(name):
     assert load_rig(name).links
+
+
+def test_mock_rigs_in_two_namespaces_share_no_topic():
+    from ldcs_ros import load_scene
+    from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
+    from ldcs_ros.mock_rig.topics import Topics
+
+    rig = MockRig(hidden_scene(load_scene("rig"), Hidden()), clock=lambda: 0.0)
+    root, left = (Topics(rig, lambda *message: None, namespace=name) for name in ("", "/left"))
+    assert set(left.outgoing()) == {f"/left{topic}" for topic in root.outgoing()}
+    assert {one["topic"] for one in left.describe()["receive"]} == set(left.outgoing())
+    assert left.describe()["send"]["topic"] == left.command == "/left/rig/pressure_command"
+    assert root.tracker == "/rig/trakstar_msg"

@@ -23,7 +23,7 @@ from ldcs_ros.mock_rig.modbus_server import ModbusServer
 from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
 from ldcs_ros.mock_rig.server import MockRigServer, Transport
-from ldcs_ros.mock_rig.topics import ARRAY, COMMAND, TRACKER, Topics
+from ldcs_ros.mock_rig.topics import ARRAY, Topics
 from ldcs_ros.ros.common.optional import message_type
 from ldcs_ros.ros.common.parameters import ParameterNode
 from ldcs_ros.ros.common.transport import subscribe_raw
@@ -97,7 +97,10 @@ class MockRigNode(ParameterNode):
         transport = self.value("transport")
         if transport not in TRANSPORTS:
             raise BridgeError(f"unknown transport {transport!r}; expected one of {list(TRANSPORTS)}")
-        topics = Topics(self._rig, self._publish, pressures=transport == "topics")
+        # The root namespace is '/'.
+        namespace = self.get_namespace().rstrip("/")
+        topics = Topics(self._rig, self._publish, pressures=transport == "topics", namespace=namespace)
+        self._tracker_topic = topics.tracker
         for topic, kind in topics.outgoing().items():
             self._publishers_by_topic[topic] = self.create_publisher(message_type(kind), topic, 50)
         if transport == "topics":
@@ -105,7 +108,7 @@ class MockRigNode(ParameterNode):
             def receive(cdr: bytes, info: MessageInfo) -> None:
                 topics.receive(cdr)
 
-            subscribe_raw(self, ARRAY, COMMAND, receive, QoSProfile(depth=10))
+            subscribe_raw(self, ARRAY, topics.command, receive, QoSProfile(depth=10))
             return [topics]
         if transport == "modbus":
             return [ModbusServer(self._rig, self.value("port")), topics]
@@ -140,7 +143,7 @@ class MockRigNode(ParameterNode):
         return SetParametersResult(successful=True)
 
     def _begin_when_watched(self) -> None:
-        watched = self._publishers_by_topic[TRACKER].get_subscription_count() > 0
+        watched = self._publishers_by_topic[self._tracker_topic].get_subscription_count() > 0
         if watched and math.isinf(self._rig.course_start):
             self._rig.course_start = time.monotonic() + REST
 
