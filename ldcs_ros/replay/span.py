@@ -33,7 +33,8 @@ def check_span(recording: Recording) -> None:
         )
     if recording.duration > MAX_SPAN:
         raise RecordingError(
-            f"{recording.name} spans {_span(recording.duration)}, expected at most {_span(MAX_SPAN)}; `ldcs replay` takes --duration"
+            f"{recording.name} spans {_span(recording.duration)}, expected at most {_span(MAX_SPAN)}; "
+            "`ldcs replay` takes --duration"
         )
 
 

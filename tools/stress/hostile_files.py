@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mutations import mutate_bag, mutate_text
 
 SECONDS = 60
+LONGEST_WAIT = 240
 MEGABYTES = 1024
 ADDRESS_SPACE = 6 * 2**30
 FAULTS = ("traceback", "over 60 s", "memory above 1 GB", "file outside", "wrong exit", "worker died")
@@ -185,7 +186,9 @@ def judge(words: list[str], work: Path) -> tuple[int, list[str], str]:
     faults: list[str] = []
     detail, status = "", -1
     Path("/proc/self/clear_refs").write_text("5")
-    signal.alarm(SECONDS)
+    # Other work of the machine does not count; a verb that only waits is ended, too.
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    signal.alarm(LONGEST_WAIT)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = run(words)
@@ -196,6 +199,7 @@ def judge(words: list[str], work: Path) -> tuple[int, list[str], str]:
         detail = traceback.format_exc()
     finally:
         signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
     if _peak() > MEGABYTES:
         faults.append("memory above 1 GB")
         detail = detail or f"{_peak()} MB"
@@ -218,16 +222,15 @@ def worker(seeds: Path, first: int, step: int, bags: int, files: int, seed: int)
     """Judge every `step`th bag and file from `first` on; print a line for each fault, and one a job."""
     os.nice(2)
     signal.signal(signal.SIGALRM, _alarm)
+    signal.signal(signal.SIGPROF, _alarm)
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
     base = Path(tempfile.mkdtemp(prefix="ldcs_hostile_"))
     try:
         for job in range(first, bags + files, step):
             draw = random.Random(f"{seed}/{job}")
-            work, temporary = base / "work", base / "tmp"
-            for folder in (work, temporary):
-                shutil.rmtree(folder, ignore_errors=True)
-                folder.mkdir()
-            (work / "out").mkdir()
+            work, temporary = base / f"{job}" / "work", base / f"{job}" / "tmp"
+            temporary.mkdir(parents=True)
+            (work / "out").mkdir(parents=True)
             tempfile.tempdir = str(temporary)
             os.environ["TMPDIR"] = str(temporary)
             os.chdir(work)
@@ -246,6 +249,8 @@ def worker(seeds: Path, first: int, step: int, bags: int, files: int, seed: int)
                         file=sys.stderr,
                         flush=True,
                     )
+            os.chdir(base)
+            shutil.rmtree(base / f"{job}", ignore_errors=True)
     finally:
         os.chdir("/")
         shutil.rmtree(base, ignore_errors=True)
