@@ -292,3 +292,16 @@ def test_hidden_parameters_hold_for_each_arm():
     hidden = hidden_scene(load_scene(THREE), Hidden(gain=0.5)).build().model.arms.each
     assert [own.pressure_gain for own in hidden] == pytest.approx([5e-7, 4e-7, 5e-7])
     assert {own.fill_time for own in hidden} == {0.001}
+
+
+@pytest.mark.parametrize("scene", [SMALL, THREE])
+def test_the_rigs_own_controllers_drive_each_arm_within_its_limit(clock, scene):
+    for controller, distinct in (("wave", True), ("steps", False)):
+        rig = MockRig(hidden_scene(load_scene(scene), Hidden()), clock=clock, controller=controller)
+        assert rig.command([1e4] * len(rig.setpoint)) == "local control"
+        clock.pass_time(0.5)
+        rig.advance()
+        assert len(rig.setpoint) == len(rig.pressure) == len(rig.simulation.arm_names)
+        assert all(0.0 < value < rig.limit for value in rig.setpoint)
+        assert len(set(rig.setpoint)) == (len(rig.setpoint) if distinct else 1)
+    assert rig.command([1e4]) == "wrong size"
