@@ -76,6 +76,9 @@ def _status(done: Replay) -> int:
     if done.outcome.interrupted:
         print(f"ldcs: interrupted at t = {done.twin.time:.3f} s; the bag is closed", file=sys.stderr)
         return EXIT_INTERRUPTED
+    if done.took_no_command:
+        print("ldcs: error: no command was taken: all are malformed or refused", file=sys.stderr)
+        return EXIT_CHECK_FAILED
     return 0 if done.verdict is None or done.verdict.passed else EXIT_CHECK_FAILED
 
 

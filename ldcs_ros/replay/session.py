@@ -71,6 +71,12 @@ class Replay:
     start: float
     notes: tuple[str, ...] = ()
 
+    @property
+    def took_no_command(self) -> bool:
+        """The mapped topics have messages, and each one is malformed or refused."""
+        sound = (report.messages - report.malformed - report.refused.total() for report in self.reports)
+        return any(report.messages for report in self.reports) and sum(max(0, count) for count in sound) == 0
+
 
 def replay(
     bag: str | os.PathLike[str],

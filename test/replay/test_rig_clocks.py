@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from rig_bag import WALL, fluid, write
+from rig_bag import WALL, array, fluid, write
 
 from ldcs_ros.bags import read_bag
 from ldcs_ros.errors import RecordingError
@@ -71,3 +71,19 @@ def test_identification_refuses_a_bag_that_spans_years_too(tmp_path, pneumatic):
     mapping = parse_mapping({"commands": [COMMAND], "measurements": [{"topic": "/l", "to": "left/pressure"}]})
     with pytest.raises(RecordingError, match=r"spans 56\.7 years"):
         read_experiment(source, pneumatic, mapping=mapping)
+
+
+@pytest.mark.parametrize(
+    ("messages", "taken"),
+    [
+        ([array([float("nan")]), array([9e9])], False),
+        ([("std_msgs/msg/Float64MultiArray", b"\0\1\0\0\xff")] * 3, False),
+        ([array([1.0, 2.0, 3.0])] * 2, False),
+        ([array([9e9]), array([0.0])], True),
+    ],
+)
+def test_a_replay_says_whether_any_command_was_taken(tmp_path, pneumatic, messages, taken):
+    source = write(tmp_path / "rig", [("/p", WALL + k * SECOND // 50, one) for k, one in enumerate(messages)])
+    mapping = parse_mapping({"commands": [{"topic": "/p", "to": "pressure_command"}], "initial": "start"})
+    done = replay(source, tmp_path / "twin", changes=Changes(scene=pneumatic), mapping=mapping)
+    assert done.took_no_command is not taken
