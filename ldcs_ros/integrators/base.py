@@ -10,7 +10,8 @@
    as accurately as at its end, so that sensors and commands do not shorten steps.
 5. `order` is the order of the error in h, `error_order` that of the estimate of one step's error; a test measures
    the order of every entry of `INTEGRATORS`.
-6. `stability_limit(motion)` is the largest stable step [s], infinite for an L-stable method; a fixed step above it
+6. A method with an `initial_error` moves the error of the whole run over each step that is kept (`transport_error`).
+7. `stability_limit(motion)` is the largest stable step [s], infinite for an L-stable method; a fixed step above it
    is refused.
 """
 
@@ -21,6 +22,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ldcs_ros.physics.compiled import compiled
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model, Motion
 
@@ -44,6 +46,37 @@ class Counters:
     solves: int = 0
 
 
+@compiled
+def _bend(free, h, q0, u0, a0, q1, u1, a1, result):  # type: ignore[no-untyped-def]
+    # The coefficient of s^5 as in `Step._quintic`, in one pass: every step asks for it.
+    for i in range(free.size):
+        k = free[i]
+        r0, r1, b0, b1 = h * u0[k], h * u1[k], h * h * a0[i], h * h * a1[i]
+        gap = q1[k] - q0[k] - r0 - 0.5 * b0
+        result[i] = 6.0 * gap - 3.0 * (r1 - r0 - b0) + 0.5 * (b1 - b0)
+
+
+@dataclass(frozen=True)
+class ErrorState:
+    """The estimated difference of the true motion from the computed one.
+
+    Attributes:
+        q: Of the free coordinates [m, rad], shape (n_free,).
+        u: Of their rates, same shape.
+        distance: Of the worst node, at this time or inside the step that led here [m].
+    """
+
+    q: np.ndarray
+    u: np.ndarray
+    distance: float = 0.0
+
+    def toward(self, end: ErrorState, h: float, s: float) -> ErrorState:
+        """Return the error at the fraction s of the step of length h [s] that leads to `end`."""
+        q = (1.0 - s) ** 2 * ((1.0 + 2.0 * s) * self.q + s * h * self.u)
+        q += s**2 * ((3.0 - 2.0 * s) * end.q - (1.0 - s) * h * end.u)
+        return ErrorState(q, (1.0 - s) * self.u + s * end.u, end.distance)
+
+
 @dataclass(frozen=True)
 class Step:
     """One accepted step and its continuous extension.
@@ -53,12 +86,14 @@ class Step:
         right: Motion at its end.
         error: Estimated error that this step made in the position of the worst node [m].
         lasting: Where a free sheet coasts to with what the step got wrong of its momentum [m].
+        rate_error: Estimated error that this step made in the velocity of the worst node [m/s].
     """
 
     left: Motion
     right: Motion
     error: float
     lasting: float = 0.0
+    rate_error: float = 0.0
 
     def at(self, time: float, model: Model) -> Motion:
         """Return the motion inside the step: the quintic through position, rate and acceleration at both ends."""
@@ -78,7 +113,11 @@ class Step:
 
     def bend(self, model: Model) -> np.ndarray:
         """Return the quintic's last coefficient [m], shape (n_free,): how much of it a coarser curve would miss."""
-        return self._quintic(model)[-1]
+        start, end = self.left, self.right
+        first = start.a if start.lasting is None else start.lasting
+        result = np.empty(len(model.free))
+        _bend(model.free, end.time - start.time, start.q, start.u, first, end.q, end.u, end.a, result)
+        return result
 
     def _quintic(self, model: Model) -> tuple[np.ndarray, ...]:
         # q(s) = q0 + u0 s + a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5 for s from 0 to 1.
@@ -136,6 +175,14 @@ class Integrator:
         Raises:
             StepFailure: It cannot be taken at this size.
         """
+        raise NotImplementedError
+
+    def initial_error(self) -> ErrorState | None:
+        """Return the error of a given start, none, or None if the method transports no errors."""
+        return None
+
+    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> ErrorState:
+        """Return the error at the end of the step that was taken last, given that at its start."""
         raise NotImplementedError
 
     def jump(self, motion: Motion, before: HeldCommands, after: HeldCommands) -> np.ndarray:

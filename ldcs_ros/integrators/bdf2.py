@@ -102,6 +102,9 @@ class Bdf2(Esdirk43):
         except StepFailure:
             return self.one_step(motion, inputs, h, tolerance)
 
+    def initial_error(self) -> None:
+        """Return None: two-step steps have no stages whose factors could transport errors."""
+
     def one_step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         """Return the one-step method's step, which starts the formula."""
         past = self._past(motion)

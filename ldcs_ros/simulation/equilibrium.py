@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
+from ldcs_ros.simulation.stability import Stability, stability
 
 MOST_ITERATIONS = 2000
 FIRST_STEP, LARGEST_STEP = 0.02, 1e4  # s of pseudo-time
 BALANCED = 1e-12  # m: a Newton step below it is rounding
+# Displacement out of an unstable equilibrium, as a fraction of the spacing, and how many are looked at.
+NUDGE = 0.05
+MOST_EQUILIBRIA = 9
+# Equilibria whose coordinates differ by less are one [m, rad].
+SAME_PLACE = 1e-7
 
 
 def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
@@ -58,3 +66,58 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
         f"no rest state was found in {MOST_ITERATIONS} iterations, the last one still moved a node by {before:.2g} m; "
         f"is there an effect that holds the sheet (clamp, floor, driven_edges)? Simulate it in time instead"
     )
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Coordinates at which all forces balance.
+
+    Attributes:
+        coordinates: Nodes [m], then link angles [rad], shape (n_coordinates,).
+        position: Node positions in ldcs_base [m], shape (n_nodes, 3).
+        stability: Lowest eigenvalue and its direction.
+    """
+
+    coordinates: np.ndarray
+    position: np.ndarray
+    stability: Stability
+
+
+def find_equilibria(
+    model: Model, q: np.ndarray, time: float, inputs: HeldCommands, *, follow: bool, both_ways: bool
+) -> list[Equilibrium]:
+    """Return the equilibrium nearest to a start and those that unstable ones lead to, in the order found.
+
+    Args:
+        model: The model.
+        q: Coordinates of the start [m, rad].
+        time: Time of the prescribed coordinates [s].
+        inputs: Commands, held.
+        follow: Leave unstable equilibria along their direction; with one way only, the last one is stable.
+        both_ways: Follow each direction to both sides.
+
+    Raises:
+        DivergenceError: The first one was not found, or no stable one with `follow`.
+    """
+    found: list[Equilibrium] = []
+    starts = [q]
+    nudge = NUDGE * min(model.lattice.spacing)
+    while starts and len(found) < MOST_EQUILIBRIA:
+        try:
+            coordinates = equilibrium(model, starts.pop(0), time, inputs)
+        except DivergenceError:
+            if not found or not both_ways:
+                raise
+            continue
+        if any(np.max(np.abs(coordinates - other.coordinates)) < SAME_PLACE for other in found):
+            continue
+        n = 3 * model.lattice.n_nodes
+        judged = stability(model, coordinates, time, inputs)
+        found.append(Equilibrium(coordinates, coordinates[:n].reshape(-1, 3).copy(), judged))
+        if follow and not judged.is_stable:
+            starts += [
+                coordinates + side * nudge * judged.coordinates for side in (1.0, -1.0)[: 1 + both_ways]
+            ]
+    if follow and not any(one.stability.is_stable for one in found):
+        raise DivergenceError(f"no stable rest state: {found[-1].stability.describe(model)}")
+    return found

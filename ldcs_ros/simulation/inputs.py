@@ -127,7 +127,9 @@ class Inputs:
         limit = np.array([own.torque_limit for own in self._each])
         torque = np.broadcast_to(given[:, None] if given.shape == (n,) else given, (n, links))
         if (np.abs(torque) > limit[:, None]).any():
-            raise CommandError(f"torque: got {_shown(given)} N m, expected at most {self._of_each(limit)} N m")
+            raise CommandError(
+                f"torque: got {_shown(given)} N m, expected at most {self._of_each(limit)} N m"
+            )
         if self.torque is not None and np.array_equal(torque, self.torque):
             return
         self.torque = torque.copy()
@@ -248,7 +250,9 @@ class Inputs:
 
     def _set_targets(self, time: float, targets: tuple[float | None, ...]) -> None:
         self._chambers = tuple(
-            chamber if target is None else replace(chamber, time=time, pressure=chamber.at(time), target=target)
+            chamber
+            if target is None
+            else replace(chamber, time=time, pressure=chamber.at(time), target=target)
             for chamber, target in zip(self._chambers, targets, strict=True)
         )
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time as wall_clock
+import warnings
 from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +23,10 @@ from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.threads import one_thread
+
+if TYPE_CHECKING:
+    from ldcs_ros.simulation.equilibrium import Equilibrium
+    from ldcs_ros.simulation.stability import Stability
 
 DEFAULT_INTEGRATOR = "esdirk43"
 
@@ -280,14 +286,43 @@ class Simulation:
         motion = self.motion()
         return self.model.kinetic_energy(motion.q, motion.u), self.model.potential_energy(self.time, motion.q)
 
-    def settle(self) -> None:
-        """Move to the state in which the scene comes to rest: schedule and smooth rises done, chambers filled.
+    def settle(self, *, follow: bool = False) -> Stability:
+        """Move to an equilibrium: schedule and smooth rises done, chambers filled, all forces in balance.
+
+        An unstable equilibrium is a balance, too; the result says so, and a warning names the way out of it.
+
+        Args:
+            follow: Leave an unstable equilibrium along its direction until a stable one is found.
+
+        Returns:
+            The lowest eigenvalue at the equilibrium, and its direction.
 
         Raises:
-            DivergenceError: No rest state was found (nothing holds a free sheet, for example); nothing
-                changed.
+            DivergenceError: No equilibrium was found (nothing holds a free sheet, for example), or with `follow`
+                no stable one; nothing changed.
         """
-        from ldcs_ros.simulation.equilibrium import equilibrium
+        found = self._find_equilibria(follow=follow, both_ways=False)[-1]
+        self._begin(found.coordinates, np.zeros_like(found.coordinates))
+        if not found.stability.is_stable:
+            warnings.warn(f"settle: {found.stability.describe(self.model)}", stacklevel=2)
+        return found.stability
+
+    def equilibria(self) -> list[Equilibrium]:
+        """Return the equilibrium that `settle` finds and, if it is unstable, those on both sides of it.
+
+        The simulation itself stays as it is.
+
+        Raises:
+            DivergenceError: No equilibrium was found.
+        """
+        before = self.state
+        try:
+            return self._find_equilibria(follow=True, both_ways=True)
+        finally:
+            self.reset(before)
+
+    def _find_equilibria(self, *, follow: bool, both_ways: bool) -> list[Equilibrium]:
+        from ldcs_ros.simulation.equilibrium import find_equilibria
 
         before = self.state
         time = max([self.time, *(command.time for command in self.scene.inputs), *self.model.breakpoints])
@@ -295,14 +330,15 @@ class Simulation:
             self.time = time
             self._run_schedule(time)
             self.inputs.settle()
-            q, u = self.model.reference_state()
+            q, _ = self.model.reference_state()
             q[self.model.free] = self._step.at(before.time, self.model).q[self.model.free]
             with one_thread():
-                q = equilibrium(self.model, q, time, self.inputs.held())
+                return find_equilibria(
+                    self.model, q, time, self.inputs.held(), follow=follow, both_ways=both_ways
+                )
         except Exception:
             self.reset(before)
             raise
-        self._begin(q, np.zeros_like(u))
 
     # -- inside
     # ---------------------------------------------------------------------------------------------------
@@ -351,6 +387,7 @@ class Simulation:
         lasting = motion.a + self.integrator.soften(motion, jump)
         motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._input_version = held, self.inputs.version
+        self._pace = self._pace.left_at(self._step, self.time)
         self._step = Step(motion, motion, 0.0)
         # Commands at a steady rate continue: a step past the next one would be dropped.
         self._next_command_time, self._last_command_time = (

@@ -7,8 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ldcs_ros.integrators.base import Integrator, Step, StepFailure
+from ldcs_ros.integrators.base import ErrorState, Integrator, Step, StepFailure
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
+from ldcs_ros.integrators.implicit.error_kernels import INNER
+from ldcs_ros.integrators.implicit.error_transport import ErrorTransport
 from ldcs_ros.integrators.implicit.predictor import Point, Trail
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.integrators.tableaux import Tableau
@@ -88,6 +90,9 @@ class Dirk(Integrator):
         self._factors: Factors | None = None
         self._rate, self._measured = FRESH_RATE, False
         self._trails: tuple[Trail, ...] = ()
+        self._transport = ErrorTransport(self._system)
+        self._stage_factors: list[Factors] = []
+        self._inner_stages = [int(np.argmin(np.abs(self.tableau.c[1:] - s))) for s in INNER]
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
@@ -116,6 +121,17 @@ class Dirk(Integrator):
             if self._contact_width == np.inf:
                 raise
         return self._stages(motion, inputs, h, tolerance, exactly=True)
+
+    def initial_error(self) -> ErrorState | None:
+        return self._transport.initial()
+
+    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> ErrorState:
+        first, second = (self._stage_factors[k] for k in self._inner_stages)
+        last = self._stage_factors[-1]
+        if not first.rate_step == second.rate_step == last.rate_step:
+            first = second = last
+        factors = first.unscaled(), second.unscaled(), last.unscaled()
+        return self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
 
     def _trail_to(self, motion: Motion) -> Trail:
         """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
@@ -162,6 +178,7 @@ class Dirk(Integrator):
         points: list[Point] = []
         q, u = motion.q.copy(), motion.u.copy()
         worst, measured, rate = 0.0, False, None
+        stage_factors: list[Factors] = []
         factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
         renewals = MOST_FACTORISATIONS - fresh
         for i in range(1, n_stages):
@@ -178,10 +195,11 @@ class Dirk(Integrator):
             while True:
                 place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
                 if factors is None:
-                    a, rate = self._solve_exactly(stage, guess, q, u, inputs)
+                    a, rate, used = self._solve_exactly(stage, guess, q, u, inputs)
                     break
                 try:
                     a, rate, factors = self._solve(stage, guess, q, u, inputs, factors)
+                    used = factors
                     break
                 except StepFailure:
                     if not renewals:
@@ -193,7 +211,9 @@ class Dirk(Integrator):
                 worst = max(worst, rate)
                 measured = True
             rates[i], accelerations[i] = u[free], a
+            stage_factors.append(used)
             points.append((time, a))
+        self._stage_factors = stage_factors
         self._factors, self._trails = factors, (trail, trail.extended(points))
         if measured:
             self._rate, self._measured = worst, True
@@ -205,7 +225,7 @@ class Dirk(Integrator):
         if error > tolerance and factors is not None:
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
-        return Step(motion, right, error, self._coasting(rate_defect))
+        return Step(motion, right, error, self._coasting(rate_defect), self.largest_displacement(rate_defect))
 
     def _coasting(self, rate_defect: np.ndarray) -> float:
         """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.
@@ -289,7 +309,7 @@ class Dirk(Integrator):
 
     def _solve_exactly(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldCommands
-    ) -> tuple[np.ndarray, float]:
+    ) -> tuple[np.ndarray, float, Factors]:
         """Iterate by Newton's method with a new matrix each time, as `_solve`; for forces whose slope jumps."""
         free, model = self.model.free, self.model
         moved = np.inf
@@ -310,5 +330,5 @@ class Dirk(Integrator):
             a = a + change
             place(free, stage.q_known, stage.u_known, a, stage.rate_step, q, u)
             if moved <= stage.allowed and moved < before:
-                return a, FRESH_RATE
+                return a, FRESH_RATE, factors
         raise StepFailure(f"Newton's iteration of a stage at t = {stage.time:.9g} s does not converge")

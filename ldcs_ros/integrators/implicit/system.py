@@ -95,6 +95,10 @@ class Factors:
         other._turns, other._scale = turns, scale
         return other
 
+    def unscaled(self) -> Factors:
+        """Return the factors for the h that they were made with."""
+        return self if self._scale == 1.0 else self.turned(self._turns, 1.0)
+
     @property
     def parts(
         self,
@@ -229,7 +233,7 @@ class LinearSystem:
         change = self._placed(-rate_step * (by_rate + rate_step * by_position))
         change.nodes[self._storage.diagonal] += self.model.mass[self._order]
         matrix = replace(change, corner=change.corner + self._inertia(q))
-        return Factors(self._storage, matrix, rate_step, self._angles(q), self._frames(q))
+        return Factors(self._storage, matrix, rate_step, self._angles(q), self.frames(q))
 
     def turn(
         self,
@@ -264,8 +268,8 @@ class LinearSystem:
         if self._columns is not None:
             ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
             left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
-            fill_rotations(self._frames(q), factors.frames, self._columns, left)
-            fill_rotations(self._frames(q + ahead * u), factors.frames, self._columns, right)
+            fill_rotations(self.frames(q), factors.frames, self._columns, left)
+            fill_rotations(self.frames(q + ahead * u), factors.frames, self._columns, right)
             turns = left, right
         if self.links_turned(factors, q):
             factors = self._bordered(factors, time, q, u, inputs, turns)
@@ -313,7 +317,8 @@ class LinearSystem:
         corner = corner.reshape(n_angles, n_angles)
         return border.reshape(n, n_angles), 0.5 * (corner + corner.T)
 
-    def _frames(self, q: np.ndarray) -> np.ndarray:
+    def frames(self, q: np.ndarray) -> np.ndarray:
+        """Return the frames of all columns at coordinates q, shape (n_columns, 3, 3); undefined where nothing turns."""
         nx, ny = self.model.lattice.nodes
         frames = np.empty((nx * ny, 3, 3))
         if self._columns is not None:

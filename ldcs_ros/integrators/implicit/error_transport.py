@@ -1,0 +1,182 @@
+"""The error of a run, transported over each step by the linearised equation of motion with the step's kept factors."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from ldcs_ros.integrators.base import Counters, ErrorState, Step
+from ldcs_ros.integrators.implicit.broyden import BroydenUpdates
+from ldcs_ros.integrators.implicit.error_kernels import (
+    INNER,
+    apply_stage,
+    column_spins,
+    finish_stage,
+    interpolate,
+    known_part,
+    largest_bulge,
+    largest_distance,
+    moments,
+    rotate_vectors,
+    subtract_spin,
+)
+from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
+from ldcs_ros.physics.inputs import HeldCommands
+
+# Within a step an error grows at most by this factor beside its own motion, and by so many times the step's estimate.
+MAX_GROWTH = 1.3
+MAX_LOCAL = 10.0
+# A held and strongly damped sheet that turns far in a long step is not resolved by three stages: their answer to the
+# residual is up to fifty times too large (measured on `paper_no_load`). There the step's own estimate bounds growth.
+UNRESOLVED_ANGLE = 0.05  # rad
+UNRESOLVED_STEP = 2e-3  # s
+UNRESOLVED_LOCAL = 3.0
+
+
+@lru_cache(maxsize=64)
+def _tableau(diagonal: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return coefficients, times and the first moment of linear forcing of three stages with a common diagonal.
+
+    They are stiffly accurate, of second order, and L-stable for a diagonal of 0.1804 to 2.18 (Hairer and Wanner,
+    Solving ODEs II, table IV.6.4). The second stage is at Lobatto's second inner point.
+    """
+    second = INNER[1]
+    weight = (0.5 - 2.0 * diagonal + diagonal**2) / (second - diagonal)
+    a = np.array(
+        [
+            [diagonal, 0.0, 0.0],
+            [second - diagonal, diagonal, 0.0],
+            [1.0 - diagonal - weight, weight, diagonal],
+        ]
+    )
+    c = a.sum(axis=1)
+    return a, c, float(a[-1] @ a @ c)
+
+
+class ErrorTransport:
+    """Transports e = (true motion) - (computed motion) over a step.
+
+    With p the quintic of the step, M e'' = f(p + e) - f(p) + r, r = f(p) - M p''. Lobatto's rule gives the mean and the
+    first moment of the residual r. Three implicit stages of one solve each advance e; their diagonal is that of the
+    factors, whatever the step's length. A sheet that nothing holds has its error in axes that turn with it at a
+    constant rate: what is soft in one place of a turning sheet is stiff in the next.
+    """
+
+    def __init__(self, system: LinearSystem) -> None:
+        self._system, self._model = system, system.model
+        self._is_loose = self._model.n_free_nodes == 3 * self._model.lattice.n_nodes
+        self._no_spin = np.zeros((0, 3))
+
+    def initial(self) -> ErrorState:
+        """Return the error of a given start: none."""
+        return ErrorState(np.zeros(len(self._model.free)), np.zeros(len(self._model.free)))
+
+    def size(self, error: np.ndarray) -> float:
+        """Return the largest distance of a node [m] in an error of the free coordinates, or speed [m/s] of rates."""
+        return float(largest_distance(self._model.free, error, self._model.n_free_nodes))
+
+    def advance(
+        self,
+        step: Step,
+        inputs: HeldCommands,
+        error: ErrorState,
+        factors: tuple[Factors, Factors, Factors],
+        updates: BroydenUpdates,
+        counters: Counters,
+    ) -> ErrorState:
+        """Return the error at the end of a step.
+
+        Args:
+            step: The step.
+            inputs: What is commanded during it.
+            error: The error at its start.
+            factors: Those of its stages near INNER and at its end, of one h.
+            updates: What the stages' iterations have learned of the factors.
+            counters: Where evaluations and solves are counted.
+        """
+        angle, spin = self._spin(step)
+        carried = self._transport(step, inputs, error, factors, updates, spin)
+        counters.evaluations += 5
+        counters.solves += 3
+        h = step.right.time - step.left.time
+        q, u = self.size(error.q), self.size(error.u)
+        if angle > UNRESOLVED_ANGLE and h > UNRESOLVED_STEP and not self._is_loose:
+            most_q, most_u = q + UNRESOLVED_LOCAL * step.error, u + UNRESOLVED_LOCAL * step.rate_error
+        else:
+            most_q = MAX_GROWTH * (q + h * u) + MAX_LOCAL * step.error
+            most_u = MAX_GROWTH * (u + q / h) + MAX_LOCAL * step.rate_error
+        new_q, new_u = self.size(carried.q), self.size(carried.u)
+        if not new_q + new_u < math.inf:
+            return ErrorState(error.q, error.u, most_q)
+        scale = min(1.0, most_q / max(new_q, 1e-300), most_u / max(new_u, 1e-300))
+        distance = min(max(new_q, carried.distance), most_q)
+        return ErrorState(scale * carried.q, scale * carried.u, distance)
+
+    def _transport(
+        self,
+        step: Step,
+        inputs: HeldCommands,
+        error: ErrorState,
+        factors: tuple[Factors, Factors, Factors],
+        updates: BroydenUpdates,
+        spin: np.ndarray,
+    ) -> ErrorState:
+        model, free, order = self._model, self._model.free, self._system.order
+        start, end = step.left, step.right
+        h, rate_step, n_free = end.time - start.time, factors[0].rate_step, len(free)
+        a, c, moment = _tableau(rate_step / h)
+        first = start.a if start.lasting is None else start.lasting
+        places, forces, residuals = [], [], np.empty((2, n_free))
+        for k, s in enumerate(INNER):
+            q, u, acceleration = start.q.copy(), start.u.copy(), np.empty(n_free)
+            interpolate(free, h, s, start.q, start.u, first, end.q, end.u, end.a, q, u, acceleration)
+            model.prescribe(start.time + s * h, q, u)
+            force = model.force(start.time + s * h, q, u, inputs)
+            residuals[k] = force - model.momentum(q, acceleration)
+            rotate_vectors(order, spin, -s * h, residuals[k])
+            places.append((start.time + s * h, q, u))
+            forces.append(force)
+        places.append((end.time, end.q.copy(), end.u.copy()))
+        forces.append(model.momentum(end.q, end.a))
+        if len(spin):
+            system = self._system
+            factors = tuple(system.turn(factors[2], *place, inputs, rate_step) for place in places)  # type: ignore[assignment]
+        mean, slope = np.empty(n_free), np.empty(n_free)
+        moments(residuals[0], residuals[1], moment, mean, slope)
+        # Position, rate and acceleration of the error at each stage; its known part, without its own acceleration.
+        errors, known = np.empty((3, 3, n_free)), np.empty((2, n_free))
+        e_q, e_u = error.q, error.u.copy()
+        subtract_spin(order, spin, e_q, e_u)
+        for i, (time, q, u) in enumerate(places):
+            elapsed = time - start.time
+            known_part(a, i, h, e_q, e_u, errors, known)
+            force = mean + (c[i] - 0.5) * slope
+            rotate_vectors(order, spin, elapsed, force)
+            apply_stage(free, order, spin, elapsed, rate_step, model.mass, known, q, u, force)
+            force += model.force(time, q, u, inputs)
+            force -= forces[i]
+            change = updates.step(factors[i].solve(force), None)
+            rotate_vectors(order, spin, -elapsed, change)
+            finish_stage(i, rate_step, change, known, errors)
+        # A linear forcing has the residual's mean; the residual's largest value inside the step is about twice that.
+        inside = largest_bulge(free, model.n_free_nodes, c, e_q, errors)
+        q, u = errors[2, 0].copy(), errors[2, 1].copy()
+        subtract_spin(order, -spin, q, u)
+        rotate_vectors(order, spin, h, q)
+        rotate_vectors(order, spin, h, u)
+        return ErrorState(q, u, inside)
+
+    def _spin(self, step: Step) -> tuple[float, np.ndarray]:
+        """Return the largest angle that a column turns in a step [rad], and the axes' angular velocity of each node."""
+        columns, h = self._system.columns, step.right.time - step.left.time
+        if columns is None:
+            return 0.0, self._no_spin
+        spin = np.empty((len(columns), 3))
+        now, then = self._system.frames(step.right.q), self._system.frames(step.left.q)
+        angle = float(column_spins(now, then, columns, h, spin))
+        if not self._is_loose:
+            return angle, self._no_spin
+        spin[:] = spin.mean(axis=0)
+        return angle, spin
