@@ -9,6 +9,7 @@ import pytest
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.rig.gate import Gate, GateState, Mode
 from ldcs_ros.rig.limits import Limits
+from ldcs_ros.rig.output.limiter import OutputLimiter
 
 RANGES = {
     "pressure": (1.0, 1e7),
@@ -96,3 +97,26 @@ def test_the_gate_counts_from_zero_and_each_refusal_by_its_reason(clock):
     assert gate.tick() == (1e3, 2e3, 3e3)
     with pytest.raises(BridgeError, match="armed already"):
         gate.arm()
+
+
+def test_a_late_tick_is_one_of_more_than_the_command_timeout(clock):
+    gate = Gate(Mode.LIVE, Limits(command_timeout=0.5), clock)
+    gate.arm()
+    gate.command([5e3])
+    clock.pass_time(0.49)
+    assert gate.tick() is not None and gate.state is GateState.ARMED
+    gate.command([5e3])
+    clock.pass_time(0.52)
+    gate.tick()
+    assert gate.state is GateState.VENTED and gate.reason == "the bridge was stopped or starved for 0.52 s"
+
+
+def test_the_output_stage_slews_at_most_half_a_period_more_than_the_gate(clock):
+    limits = Limits(pressure=100e3, slew=200e3)
+    limiter = OutputLimiter(limits, clock)
+    limiter.set_target((0.0, 0.0), 1, clock())
+    limiter.next()
+    for expected in (3e3, 6e3, 9e3):  # 1.5 x 200 kPa/s x 10 ms
+        limiter.set_target((90e3, 90e3), 1, clock())
+        clock.pass_time(0.01)
+        assert limiter.next() == pytest.approx((expected, expected))

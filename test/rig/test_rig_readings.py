@@ -86,6 +86,22 @@ def test_nonsense_is_dropped_and_counted(value, reason):
     assert validator.dropped == {reason: 1} and reason in validator.last_drop
 
 
+@pytest.mark.parametrize(
+    ("place", "sound"),
+    [([0.1, 0.0, 0.05], True), ([0.0, -2.0, 0.0], True), ([0.0, -2.01, 0.0], False), ([0.1, 0.0], False)],
+)
+def test_a_position_has_three_numbers_within_two_metres(place, sound):
+    validator = ReadingValidator(5e5, 0.0)
+    found = validator.validate(RawReading("position", "P1", np.array(place), 1.0, "rig", None))
+    assert (found is not None) is sound
+    assert validator.dropped == ({} if sound else {"implausible": 1})
+
+
+@pytest.mark.parametrize(("gauge", "sound"), [(-50e3, True), (-50.1e3, False), (0.0, True)])
+def test_no_chamber_is_deeper_than_half_a_vacuum(gauge, sound):
+    assert (ReadingValidator(5e5, 0.0).validate(pressure(gauge)) is not None) is sound
+
+
 def test_copies_and_late_comers_are_dropped():
     validator = ReadingValidator(5e5, 0.0)
     taken = [
