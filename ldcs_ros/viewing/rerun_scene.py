@@ -92,6 +92,7 @@ class RerunScene:
         self._length = length
         self._meshes: dict[tuple[int, int], ShadedMesh] = {}
         self._static: set[str] = set()
+        self._colours = CurveColours()
         self._shown: set[str] = set()
         self._last_place: dict[str, np.ndarray] = {}
         self.plots: dict[str, str] = {}
@@ -190,7 +191,7 @@ class RerunScene:
             path = f"{place}/{name}"
             if path not in self._static:
                 self._static.add(path)
-                options: dict[str, Any] = {"colors": [_curve_colour(name, number)], "names": [name]}
+                options: dict[str, Any] = {"colors": [self._colours.of(name)], "names": [name]}
                 style = (
                     rr.SeriesPoints.from_fields(marker_sizes=[1.5], markers=["circle"], **options)
                     if dots
@@ -261,14 +262,22 @@ def _path_of(title: str) -> str:
     return "_".join(re.split(r"[:\[]", title)[0].split())
 
 
-def _curve_colour(name: str, number: int) -> tuple[int, ...]:
-    """Return the colour of a curve: of its axis or joint; the right arm's are paler than the left's."""
-    if name == "right":
-        number = 1
-    if name in AXIS_COLOURS:
-        return _bytes(to_rgb(AXIS_COLOURS[name]))
-    arm, _, joint = name.partition("_joint_")
-    if not joint.isdecimal():
-        return _bytes(to_rgb(LINE_COLOURS[number % len(LINE_COLOURS)]))
-    colour = np.array(to_rgb(LINE_COLOURS[(int(joint) - 1) % len(LINE_COLOURS)]))
-    return _bytes(colour if arm == "left" else 1.0 - 0.6 * (1.0 - colour))
+class CurveColours:
+    """Colours of curves: an axis has its own, an arm one in the order of first sight.
+
+    Joints have a colour each; it is paler with each further arm, and starts again after four arms.
+    """
+
+    def __init__(self) -> None:
+        self._arms: dict[str, int] = {}
+
+    def of(self, name: str) -> tuple[int, ...]:
+        """Return the colour of `z`, of an arm or of `<arm>_joint_<k>`, 0 to 255 each."""
+        if name in AXIS_COLOURS:
+            return _bytes(to_rgb(AXIS_COLOURS[name]))
+        arm, _, joint = name.partition("_joint_")
+        number = self._arms.setdefault(arm, len(self._arms))
+        if not joint.isdecimal():
+            return _bytes(to_rgb(LINE_COLOURS[number % len(LINE_COLOURS)]))
+        colour = np.array(to_rgb(LINE_COLOURS[(int(joint) - 1) % len(LINE_COLOURS)]))
+        return _bytes(1.0 - 0.6 ** (number % 4) * (1.0 - colour))

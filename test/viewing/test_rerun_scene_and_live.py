@@ -13,7 +13,7 @@ from ldcs_ros.messages.display.surface import triangles
 from ldcs_ros.messages.topics import TOPICS, expand
 from ldcs_ros.twin.twin import Twin
 from ldcs_ros.viewing.live_viewer import LiveViewer, is_shown
-from ldcs_ros.viewing.rerun_scene import ShadedMesh
+from ldcs_ros.viewing.rerun_scene import CurveColours, ShadedMesh
 
 NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
 
@@ -41,6 +41,15 @@ def test_the_shaded_mesh_is_the_mesh_with_faces_of_their_own():
     assert (outward > 0.0).all()
     painted = ShadedMesh((9, 9)).colours(rest, 0.14)
     assert painted.dtype == np.uint8 and (painted[:, 3] == 255).all()
+
+
+def test_each_arm_and_joint_has_a_colour_of_its_own():
+    colours = CurveColours()
+    arms = [colours.of(name) for name in ("left", "middle", "right")]
+    joints = [colours.of(f"{arm}_joint_{k}") for arm in ("left", "middle", "right") for k in (1, 2)]
+    assert len({*arms}) == 3 and len({*joints}) == 6
+    assert colours.of("left") == arms[0] and colours.of("z") == CurveColours().of("z")
+    assert sum(joints[0]) < sum(joints[2]) < sum(joints[4])
 
 
 def test_what_is_shown_live_are_topics_of_the_twin():
