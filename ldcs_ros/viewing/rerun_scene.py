@@ -27,20 +27,23 @@ from ldcs_ros.viewing.rerun_package import Stream, rerun
 
 
 class ShadedMesh:
-    """Both layers and the four sides; a node has a corner for each of them, so that edges stay sharp.
+    """Both layers and the walls; a node has a corner for each direction of its faces, so that edges stay sharp.
 
     Args:
         nodes: Number of nodes along x and along y.
+        missing: Nodes in holes.
 
     Attributes:
         triangles: Corners of each triangle, anticlockwise seen from outside, shape (n_triangles, 3).
     """
 
-    def __init__(self, nodes: tuple[int, int]) -> None:
+    def __init__(self, nodes: tuple[int, int], missing: np.ndarray | None = None) -> None:
         nx, ny = nodes
-        by_node = triangles(nodes)
-        cells = [(nx - 1) * (ny - 1)] * 2 + [nx - 1] * 2 + [ny - 1] * 2
-        face = np.repeat(np.arange(6), 2 * np.array(cells))
+        by_node = triangles(nodes, missing)
+        layer, i, j = np.unravel_index(by_node, (2, nx, ny))
+        a, b, c = np.moveaxis(np.stack([i, j, layer], axis=-1), 1, 0)
+        # On the grid of indices normals are unit vectors: -3 ... 3 tells the six directions apart.
+        face = 3 + np.cross(b - a, c - a) @ np.array([1, 2, 3])
         corner = face[:, None] * (2 * nx * ny) + by_node
         known, index = np.unique(corner, return_inverse=True)
         self._node = known % (2 * nx * ny)
@@ -106,10 +109,14 @@ class RerunScene:
     def sheet(self, time: float, nodes: tuple[int, int], position: np.ndarray) -> None:
         """Show the sheet at a time [s]: node positions [m], shape (n_nodes, 3), nodes along x and y."""
         if self._length is None:
-            # Along its bottom, whose length bending does not change.
+            # Along its bottom, whose length bending does not change; nodes in holes are NaN.
             rows = position.reshape(2, *nodes, 3)[0]
-            self._length = float(np.linalg.norm(np.diff(rows, axis=0), axis=-1).sum(axis=0).mean())
-        mesh = self._meshes.setdefault(nodes, ShadedMesh(nodes))
+            cell = np.nanmean(np.linalg.norm(np.diff(rows, axis=0), axis=-1))
+            self._length = float(cell * (nodes[0] - 1))
+        missing = np.isnan(position).any(axis=1)
+        if nodes not in self._meshes:
+            self._meshes[nodes] = ShadedMesh(nodes, np.flatnonzero(missing))
+        mesh = self._meshes[nodes]
         rr, stream = self._rr, self._stream
         stream.set_time(TIMELINE, duration=time)
         if SURFACE not in self._static:
@@ -123,7 +130,7 @@ class RerunScene:
             SURFACE,
             rr.Mesh3D.from_fields(vertex_positions=place, vertex_normals=normal, vertex_colors=painted),
         )
-        stream.log(NODES, rr.Points3D.from_fields(positions=position.astype(np.float32)))
+        stream.log(NODES, rr.Points3D.from_fields(positions=position[~missing].astype(np.float32)))
 
     def specs(self, entity: str, time: float, specs: Iterable[MarkerSpec]) -> None:
         """Show the markers of a topic at a time [s]; they replace its earlier ones."""

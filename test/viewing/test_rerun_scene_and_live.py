@@ -43,6 +43,20 @@ def test_the_shaded_mesh_is_the_mesh_with_faces_of_their_own():
     assert painted.dtype == np.uint8 and (painted[:, 3] == 255).all()
 
 
+def test_the_shaded_mesh_leaves_holes_open_with_sharp_walls():
+    missing = np.array([12, 25 + 12])
+    grid = np.stack(np.meshgrid([0.0, 1.0], range(5), range(5), indexing="ij"), axis=-1)
+    position = grid.reshape(-1, 3)[:, [1, 2, 0]]
+    position[missing] = np.nan
+    mesh = ShadedMesh((5, 5), missing)
+    place, normal = mesh.corners(position)
+    # 12 of 16 cells in two layers, a wall of 16 cells around and of 8 around the hole; two triangles each.
+    assert len(mesh.triangles) == 2 * (2 * 12 + 16 + 8)
+    assert np.isfinite(place).all() and np.isfinite(normal).all()
+    assert np.sort(np.abs(normal), axis=1) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(place), 1)))
+    assert np.isin([1.0, 3.0], place[normal[:, 0] == 1.0, 0]).tolist() == [True, False]
+
+
 def test_each_arm_and_joint_has_a_colour_of_its_own():
     colours = CurveColours()
     arms = [colours.of(name) for name in ("left", "middle", "right")]
