@@ -9,6 +9,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError, DivergenceError
+from ldcs_ros.simulation.simulation import Statistics
 
 # 2 x 2 cells' corners: 8 nodes of 10 g.
 SHEET = {"size": [0.1, 0.1, 0.01], "nodes": [2, 2], "mass": 0.08}
@@ -195,3 +196,25 @@ def test_the_default_limits_of_the_arms_are_200_kpa_and_2_n_m(drive, good, bad):
         with pytest.raises(CommandError):
             command(value)
     np.testing.assert_array_equal(getattr(simulation.inputs, drive), kept)
+
+
+def test_a_scheduled_command_acts_at_its_time_and_not_before():
+    arms = {"type": "arms", "links": 2, "width": 0, "drive": "torque"}
+    inputs = [{"time": 0.05, "torque": 0.03}]
+    simulation = scene(SPRINGS, {"type": "clamp"}, arms, inputs=inputs).build()
+    simulation.advance_to(0.04)
+    assert not simulation.joint_torque.any()
+    simulation.advance_to(0.06)
+    np.testing.assert_allclose(simulation.joint_torque, 0.03)
+
+
+def test_a_state_is_built_once_for_a_time_and_a_command():
+    simulation = load_scene(HANGING).build()
+    first = simulation.state
+    assert simulation.state is first
+    simulation.advance_to(0.01)
+    assert simulation.state is not first and simulation.state is simulation.state
+    simulation.reset(first)
+    assert simulation.state.time == 0.0
+    fresh = Statistics()
+    assert not any(fresh.as_dict().values())
