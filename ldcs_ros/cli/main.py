@@ -34,6 +34,8 @@ VERBS: dict[str, Verb] = {
     "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
     "view": Verb("ldcs_ros.cli.view", "show a bag, or a running twin, in a browser"),
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
+    "reach": Verb("ldcs_ros.cli.reach", "find the commands under which points rest at their targets"),
+    "sensitivity": Verb("ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
     "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),
     "recover": Verb(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from ldcs_ros.integrators.settings import Solver
@@ -46,6 +46,13 @@ class Problem(Protocol):
     @property
     def solver(self) -> Solver:
         """Settings of the integration."""
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The content of its file as plain values."""
+
+    def edited(self, changes: Mapping[str, object] | None = None, /) -> Problem:
+        """Return the same with other values at some paths."""
 
     # Any: the fields of an effect are those of the class of that name.
     def effect(self, name: str) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time as wall_clock
 import warnings
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,11 @@ from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.threads import one_thread
 
 if TYPE_CHECKING:
+    # Loaded when they are asked for.
+    from ldcs_ros.simulation.command_directions import OperatingPoint
     from ldcs_ros.simulation.equilibrium import Equilibrium
+    from ldcs_ros.simulation.linear_model import LinearModel
+    from ldcs_ros.simulation.sensitivity import StaticSensitivity
     from ldcs_ros.simulation.stability import Stability
 
 DEFAULT_INTEGRATOR = "esdirk43"
@@ -339,6 +344,56 @@ class Simulation:
         except Exception:
             self.reset(before)
             raise
+
+    def operating_point(self) -> OperatingPoint:
+        """Return the model at the present state with its commands, for derivatives."""
+        from ldcs_ros.simulation.command_directions import OperatingPoint, constant_pressure
+
+        motion, held = self.motion(), self.inputs.held()
+        pressure = self.inputs.chamber_pressure(self.time)
+        commanded = pressure if self.inputs.pressure is None else self.inputs.pressure
+        now, later = (
+            replace(held, chambers=tuple(map(constant_pressure, values, held.chambers)))
+            for values in (pressure, commanded)
+        )
+        return OperatingPoint(
+            self.scene,
+            self.model,
+            self.time,
+            motion.q,
+            motion.u,
+            now,
+            later,
+            self.arm_names,
+            self.joint_names,
+            self.joint_index,
+        )
+
+    def sensitivity(self, of: Sequence[str], to: Sequence[str]) -> StaticSensitivity:
+        """Return how places move at rest with commands and numbers of the scene [m per SI unit].
+
+        The equilibrium near the present state counts; the simulation stays as it is.
+
+        Args:
+            of: Points or `node_<layer>_<i>_<j>`.
+            to: `pressure.<arm>`, `torque.<arm>`, `torque.<joint>`, `wrench.<frame>.force`, or a path of the scene such
+                as `effects.payload.mass`.
+
+        Raises:
+            ValueError: There is no such place or number.
+            DivergenceError: No equilibrium was found.
+        """
+        from ldcs_ros.simulation.sensitivity import sensitivity
+
+        with one_thread():
+            return sensitivity(self.operating_point(), of, to)
+
+    def linearize(self, modes: int = 12) -> LinearModel:
+        """Return the linear model around the present state, with its lowest natural modes."""
+        from ldcs_ros.simulation.linear_model import linearize
+
+        with one_thread():
+            return linearize(self.operating_point(), modes)
 
     # -- inside
     # ---------------------------------------------------------------------------------------------------

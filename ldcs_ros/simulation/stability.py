@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
+from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
 
 # Up to this number of free coordinates all eigenvalues cost less than a search for one.
 DENSE_SIZE = 700
@@ -59,16 +59,8 @@ def stability(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) ->
         inputs: Commands, held.
     """
     n = len(model.free)
-    by_position, _ = model.jacobian(time, q, np.zeros_like(q), inputs, positive_definite=False)
-    rows, columns = model.jacobian_pattern
-    used = (rows >= 0) & (columns >= 0)
-    stiffness = sparse.csc_matrix((-by_position[used], (rows[used], columns[used])), shape=(n, n))
-    stiffness = 0.5 * (stiffness + stiffness.T)
-    blocks = [sparse.diags(model.mass)]
-    inertia = model.inertia(q)
-    if inertia is not None:
-        blocks += [sparse.csc_matrix(block) for block in inertia]
-    mass = sparse.block_diag(blocks, format="csc")
+    by_position, _ = stiffness_and_damping(model, time, q, np.zeros_like(q), inputs)
+    stiffness, mass = -0.5 * (by_position + by_position.T), mass_matrix(model, q)
     stiffest = float(np.max(np.abs(stiffness.diagonal()) / mass.diagonal(), initial=0.0))
     if n <= DENSE_SIZE:
         values, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, 0])

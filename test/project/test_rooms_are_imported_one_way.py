@@ -23,6 +23,7 @@ ORDER = (
     "integrators",
     "simulation",
     "scene",
+    "reach",
     "messages",
     "twin",
     "signals",

@@ -1,0 +1,248 @@
+"""`reach`: the commands within bounds whose rest state comes nearest to the targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ldcs_ros.errors import DivergenceError
+from ldcs_ros.physics.points import point_at
+from ldcs_ros.reach.rest_states import RestStates
+from ldcs_ros.simulation.command_directions import AXES, command_directions
+from ldcs_ros.simulation.simulation import Simulation
+from ldcs_ros.simulation.threads import one_thread
+
+MOST_STEPS = 60
+# The residual's slope along each free command, over its range [m]: below it no better point is near.
+OPTIMAL = 1e-10
+# Commands that differ by less, of their range, are one solution.
+SAME = 1e-3
+
+
+@dataclass(frozen=True)
+class TargetCoordinate:
+    """A coordinate that a point shall have at rest.
+
+    Attributes:
+        place: A point of the scene, or `node_<layer>_<i>_<j>`.
+        axis: x, y or z.
+        value: Coordinate in ldcs_base [m].
+        weight: Weight of its distance beside those of the others.
+    """
+
+    place: str
+    axis: str
+    value: float
+    weight: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Its name, such as P1.z."""
+        return f"{self.place}.{self.axis}"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A command that may vary.
+
+    Attributes:
+        name: `pressure.left`, `torque.left`, `torque.left_joint_2`, `wrench.P1.force.z`.
+        low: Its smallest value [Pa, N m or N].
+        high: Its largest value.
+    """
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A solution.
+
+    Attributes:
+        commands: Value of each variable, by name [Pa, N m or N].
+        reached: Coordinate at rest of each target, by name [m].
+        distance: Square root of the weighted sum of squares of what remains [m].
+        optimality: Largest slope of the distance that a command within its bounds could still go down, over its
+            range [m]. Near 0 there is no better point near, also where the target is out of reach.
+        at_bounds: Variables that their bounds hold.
+        sensitivity: Derivative of the targets' coordinates by the variables, shape (n_targets, n_variables).
+        lowest_eigenvalue: The square of the lowest angular frequency [1/s^2]; 0 or less on an unstable branch.
+        steps: Gauss-Newton steps.
+        coordinates: Coordinates of the rest state [m, rad].
+    """
+
+    commands: dict[str, float]
+    reached: dict[str, float]
+    distance: float
+    optimality: float
+    at_bounds: tuple[str, ...]
+    sensitivity: np.ndarray
+    lowest_eigenvalue: float
+    steps: int
+    coordinates: np.ndarray = field(repr=False)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the rest state is stable."""
+        return self.lowest_eigenvalue > 0.0
+
+
+def reach(
+    simulation: Simulation,
+    targets: Sequence[TargetCoordinate],
+    variables: Sequence[Variable],
+    *,
+    starts: int = 1,
+    seed: int = 0,
+) -> list[Reached]:
+    """Return the solutions that were found, the nearest first.
+
+    Gauss-Newton steps with bounds (an active-set method for the linear problem), shortened until the distance falls.
+    Each is a solve of the full model to convergence.
+
+    Args:
+        simulation: The simulation; the branch of its present rest state is followed. It stays as it is.
+        targets: What shall be reached.
+        variables: What may vary, and within which bounds.
+        starts: Number of starting points: the middle of the bounds, then random ones.
+        seed: Seed of the random ones.
+
+    Raises:
+        ValueError: There is no target or variable, a name is unknown, or bounds are in the wrong order.
+        DivergenceError: The scene has no rest state at any starting point.
+    """
+    with one_thread():
+        return _reach(simulation, targets, variables, starts, seed)
+
+
+def _reach(
+    simulation: Simulation,
+    targets: Sequence[TargetCoordinate],
+    variables: Sequence[Variable],
+    starts: int,
+    seed: int,
+) -> list[Reached]:
+    at = simulation.operating_point()
+    places = [point_at(at.model.lattice, target.place, at.model.points) for target in targets]
+    commands = [one for variable in variables for one in command_directions(at, variable.name)]
+    if not targets or not variables or len(commands) != len(variables):
+        raise ValueError("expected at least one target and one variable, each a single command")
+    bad = [one for one in variables if not one.low < one.high]
+    if bad:
+        raise ValueError(
+            f"{bad[0].name}: got {bad[0].low:g}..{bad[0].high:g}, expected the lower bound first"
+        )
+    states = RestStates(at, commands, places)
+    rows = np.array([3 * k + AXES.index(target.axis) for k, target in enumerate(targets)])
+    problem = _Problem(states, rows, tuple(targets), tuple(variables))
+    draw = np.random.default_rng(seed)
+    found: list[Reached] = []
+    failed: DivergenceError | None = None
+    for start in range(starts):
+        fraction = np.full(len(variables), 0.5) if start == 0 else draw.random(len(variables))
+        try:
+            solution = problem.solve(fraction)
+        except DivergenceError as error:
+            failed = error
+            continue
+        if not any(problem.same(solution, other) for other in found):
+            found.append(solution)
+    if not found:
+        assert failed is not None
+        raise failed
+    return sorted(found, key=lambda one: one.distance)
+
+
+class _Problem:
+    def __init__(
+        self,
+        states: RestStates,
+        rows: np.ndarray,
+        targets: tuple[TargetCoordinate, ...],
+        variables: tuple[Variable, ...],
+    ) -> None:
+        self._states, self._rows, self._targets, self._variables = states, rows, targets, variables
+        self._wanted = np.array([target.value for target in targets])
+        self._weight = np.array([target.weight for target in targets])
+        self._low = np.array([variable.low for variable in variables])
+        self._range = np.array([variable.high for variable in variables]) - self._low
+
+    def _residual(self) -> np.ndarray:
+        return self._weight * (self._states.position[self._rows] - self._wanted)
+
+    def _slope(self) -> np.ndarray:
+        return self._weight[:, None] * self._states.slope[self._rows] * self._range
+
+    def solve(self, fraction: np.ndarray) -> Reached:
+        """Go down from fractions of the ranges, shape (n_variables,)."""
+        states = self._states
+        states.go_to(self._low + fraction * self._range)
+        residual, slope = self._residual(), self._slope()
+        steps = 0
+        while steps < MOST_STEPS:
+            steps += 1
+            if self._optimality(residual, slope, fraction) < OPTIMAL:
+                break
+            move = lsq_linear(slope, -residual, (-fraction - 1e-15, 1.0 - fraction + 1e-15), method="bvls").x
+            if not self._shorten(fraction, move, residual, slope):
+                break
+            fraction = (states.values - self._low) / self._range
+            residual, slope = self._residual(), self._slope()
+        return self._result(fraction, residual, slope, steps)
+
+    def _shorten(
+        self, fraction: np.ndarray, move: np.ndarray, residual: np.ndarray, slope: np.ndarray
+    ) -> bool:
+        """Take the longest part of a move that lowers the distance; False where none does."""
+        states, before = self._states, float(residual @ residual)
+        expected = float(residual @ (slope @ move))
+        scale = 1.0
+        while scale > 1e-6:
+            values = self._low + np.clip(fraction + scale * move, 0.0, 1.0) * self._range
+            try:
+                states.go_to(values)
+            except DivergenceError:
+                scale *= 0.25
+                continue
+            now = self._residual()
+            if float(now @ now) <= before + 1e-4 * scale * expected:
+                return True
+            scale *= 0.5
+        states.go_to(self._low + fraction * self._range)
+        return False
+
+    def _optimality(self, residual: np.ndarray, slope: np.ndarray, fraction: np.ndarray) -> float:
+        distance = float(np.linalg.norm(residual))
+        if distance == 0.0:
+            return 0.0
+        down = -(slope.T @ residual) / distance
+        held = ((fraction <= 0.0) & (down < 0.0)) | ((fraction >= 1.0) & (down > 0.0))
+        # A distance that is as short itself is reached, whatever its slope.
+        return float(min(np.abs(np.where(held, 0.0, down)).max(), distance))
+
+    def _result(self, fraction: np.ndarray, residual: np.ndarray, slope: np.ndarray, steps: int) -> Reached:
+        states = self._states
+        names = [variable.name for variable in self._variables]
+        held = [name for name, at in zip(names, fraction, strict=True) if at <= 0.0 or at >= 1.0]
+        position = states.position[self._rows]
+        return Reached(
+            dict(zip(names, states.values.tolist(), strict=True)),
+            {target.name: float(x) for target, x in zip(self._targets, position, strict=True)},
+            float(np.linalg.norm(residual)),
+            self._optimality(residual, slope, fraction),
+            tuple(held),
+            states.slope[self._rows],
+            states.lowest_eigenvalue(),
+            steps,
+            states.q.copy(),
+        )
+
+    def same(self, one: Reached, other: Reached) -> bool:
+        """Return whether two solutions are one."""
+        a, b = (np.array(list(solution.commands.values())) for solution in (one, other))
+        return bool(np.all(np.abs(a - b) <= SAME * self._range))

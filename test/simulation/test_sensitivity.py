@@ -1,0 +1,160 @@
+"""Sensitivities at rest and the linear model agree with differences of rest states and with the twin's motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ldcs_ros import load_scene
+
+CONTENT = {
+    "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [5, 5], "mass": 0.16},
+    "points": {"P0": ["mid", 2, 2], "P1": {"x": 0.13, "y": 0.01}},
+    "effects": [
+        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
+        {"type": "gravity"},
+        {"type": "clamp"},
+        {"type": "payload", "at": "P1", "mass": 0.04},
+        {"type": "arms", "drive": "pressure", "joint_stiffness": 0.34, "links": 3},
+        {"type": "wrench"},
+    ],
+    "inputs": [{"time": 0.0, "pressure": 100e3}],
+    "solver": {"accuracy": 1e-6},
+}
+COMMANDS = {"pressure.left": 50.0, "pressure.right": 50.0, "wrench.P1.force.z": 1e-3}
+NUMBERS = {
+    "effects.payload.mass": 1e-5,
+    "effects.arms.joint_stiffness": 1e-4,
+    "effects.springs.stiffness": 1e-2,
+    "lattice.mass": 1e-5,
+    "points.P1.x": 1e-6,
+}
+
+
+def resting_places(changes=None, pressures=(100e3, 100e3), push=0.0):
+    simulation = load_scene(CONTENT).edited(changes or {}).build()
+    simulation.inputs.set_pressure(pressures)
+    simulation.inputs.set_wrench("P1_aligned", force=(0.0, 0.0, push))
+    simulation.settle()
+    return np.concatenate([simulation.pose(name)[0] for name in ("P0", "P1")])
+
+
+@pytest.fixture(scope="module")
+def settled():
+    simulation = load_scene(CONTENT).build()
+    simulation.settle()
+    return simulation
+
+
+def test_commands_have_the_slopes_of_central_differences(settled):
+    found = settled.sensitivity(
+        of=["P0", "P1"], to=["pressure.left", "pressure.right", "wrench.P1_aligned.force"]
+    )
+    assert found.rows == ("P0.x", "P0.y", "P0.z", "P1.x", "P1.y", "P1.z")
+    assert found.to[2:] == tuple(f"wrench.P1_aligned.force.{axis}" for axis in "xyz")
+    assert found.units == ("Pa", "Pa", "N", "N", "N") and found.values.shape == (6, 5)
+    step = 100.0
+    left = resting_places(pressures=(100e3 + step, 100e3)) - resting_places(pressures=(100e3 - step, 100e3))
+    np.testing.assert_allclose(found.values[:, 0], left / (2 * step), rtol=1e-5, atol=1e-12)
+    push = (resting_places(push=1e-3) - resting_places(push=-1e-3)) / 2e-3
+    np.testing.assert_allclose(found.values[:, 4], push, rtol=1e-5, atol=1e-8)
+    assert found.lowest_eigenvalue > 0.0 and not found.warning
+
+
+@pytest.mark.parametrize("path", NUMBERS)
+def test_numbers_of_the_scene_have_the_slopes_of_central_differences(settled, path):
+    step, content = NUMBERS[path], settled.scene.content
+    from ldcs_ros.schema.paths import get_number
+
+    value = get_number(content, path)
+    found = settled.sensitivity(of=["P0", "P1"], to=[path]).values[:, 0]
+    ahead, before = (resting_places({path: value + sign * step}) for sign in (1.0, -1.0))
+    slope = (ahead - before) / (2 * step)
+    np.testing.assert_allclose(found, slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
+
+
+def test_the_simulation_stays_as_it_is(settled):
+    before = settled.state.position.copy()
+    settled.sensitivity(of=["P1"], to=["pressure.left"])
+    settled.linearize()
+    assert np.array_equal(settled.state.position, before)
+
+
+def test_a_column_that_stands_upright_is_unstable_and_said_to_be():
+    # Two masses on a strong spring above a clamped pair balance, and fall at the least push.
+    content = {
+        "lattice": {"size": [0.02, 0.02, 0.01], "nodes": [2, 2], "mass": 0.5},
+        "points": {"P1": ["mid", 1, 0]},
+        "effects": [
+            {"type": "springs", "stiffness": 40.0},
+            {"type": "gravity", "acceleration": [-9.81, 0.0, 0.0]},
+            {"type": "clamp"},
+            {"type": "wrench"},
+        ],
+    }
+    simulation = load_scene(content).build()
+    found = simulation.sensitivity(of=["P1"], to=["wrench.P1_aligned.force.z"])
+    assert (found.lowest_eigenvalue <= 0.0) == bool(found.warning)
+
+
+@pytest.mark.parametrize(
+    ("of", "to", "words"),
+    [
+        (["P9"], ["pressure.left"], "expected a point"),
+        (["P1"], ["pressure.middle"], "expected a command of the scene: pressure.left"),
+        (["P1"], ["torque.left"], "expected a command of the scene"),
+        (["P1"], ["wrench.P1"], "expected wrench"),
+        (["P1"], ["effects.springs.law"], "the path of a number"),
+        (["P1"], ["lattice.nodes"], "the path of a number"),
+    ],
+)
+def test_unknown_places_and_numbers_are_refused(settled, of, to, words):
+    with pytest.raises(ValueError, match=words):
+        settled.sensitivity(of=of, to=to)
+
+
+def test_a_small_pressure_step_moves_the_twin_as_the_linear_model_says(settled):
+    linear = settled.linearize()
+    assert linear.A.shape == (len(linear.state_names),) * 2 and linear.B.shape[1] == len(linear.input_names)
+    twin = load_scene(CONTENT).edited({"effects.arms.fill_time": 0.0, "effects.arms.vent_time": 0.0}).build()
+    twin.settle()
+    start, step = twin.pose("P1")[0], 500.0
+    twin.inputs.set_pressure([100e3 + step, 100e3])
+    row = linear.output_names.index("P1.x")
+    column = linear.input_names.index("pressure.left")
+    from scipy.linalg import expm
+
+    size = len(linear.A)
+    whole = np.zeros((size + 1, size + 1))
+    whole[:size, :size], whole[:size, size] = linear.A, linear.B[:, column] * step
+    for time in (0.05, 0.15, 0.4):
+        twin.advance_to(time)
+        moved = linear.C[row : row + 3] @ expm(whole * time)[:size, size]
+        np.testing.assert_allclose(twin.pose("P1")[0] - start, moved, atol=2e-6)
+
+
+def test_the_static_gain_of_the_linear_model_is_the_sensitivity(settled):
+    linear = settled.linearize()
+    gain = -linear.C @ np.linalg.solve(linear.A, linear.B)
+    found = settled.sensitivity(of=["P0", "P1"], to=["pressure.left", "pressure.right"]).values
+    columns = [linear.input_names.index(name) for name in ("pressure.left", "pressure.right")]
+    np.testing.assert_allclose(gain[:, columns], found, rtol=1e-6, atol=1e-15)
+
+
+def test_modes_are_those_of_a_mass_on_springs():
+    # single_spring: 8 masses of 10 g on 4 + 4 springs in parallel move along x at sqrt(k / m).
+    simulation = load_scene("single_spring").build()
+    simulation.settle()
+    linear = simulation.linearize(modes=40)
+    natural = np.sqrt(4 * 10.0 / (0.080 / 8)) / (2.0 * np.pi)
+    assert np.abs(linear.frequencies - natural).min() < 0.02 * natural
+    assert np.all(np.diff(linear.frequencies) >= 0.0)
+
+
+def test_the_linear_model_goes_to_scipy(settled):
+    linear = settled.linearize(modes=3)
+    system = linear.to_scipy()
+    assert system.A.shape == linear.A.shape and system.D.shape == linear.D.shape
+    assert len(linear.modes) == 3 and np.isclose(
+        np.linalg.norm(linear.modes[0][:150].reshape(-1, 3), axis=1).max(), 1.0
+    )
