@@ -218,3 +218,31 @@ def test_a_state_is_built_once_for_a_time_and_a_command():
     assert simulation.state.time == 0.0
     fresh = Statistics()
     assert not any(fresh.as_dict().values())
+
+
+def test_valves_of_different_dead_times_each_answer_their_own_commands_in_order():
+    two = [
+        {"name": "fast", "from": [0.0, 0.05], "to": [0.1, 0.05], "dead_time": 0.02},
+        {"name": "slow", "from": [0.0, -0.05], "to": [0.1, -0.05], "dead_time": 0.05},
+    ]
+    arms = {
+        "type": "arms",
+        "links": 1,
+        "width": 0,
+        "drive": "pressure",
+        "fill_time": 0.0,
+        "vent_time": 0.0,
+        "arms": two,
+    }
+    simulation = scene(SPRINGS, {"type": "clamp"}, arms).build()
+    simulation.inputs.set_pressure(10e3)
+    simulation.advance_to(0.01)
+    simulation.inputs.set_pressure(20e3)
+    for time, pressures in (
+        (0.025, [10e3, 0.0]),
+        (0.04, [20e3, 0.0]),
+        (0.055, [20e3, 10e3]),
+        (0.07, [20e3, 20e3]),
+    ):
+        simulation.advance_to(time)
+        np.testing.assert_allclose(simulation.state.pressure, pressures)
