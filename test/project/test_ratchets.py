@@ -13,7 +13,7 @@ PATHS = sorted((ROOT / "ldcs_ros").rglob("*.py"))
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in PATHS}
 
 # The numbers reached; lower them with the code, never raise them.
-MAX_ANY = 41
+MAX_ANY = 40
 MAX_PRIVATE_ACCESS = 6
 MAX_CLASSES_OF_ONE_NAME = 0
 MAX_OLD_NAMES = 42
