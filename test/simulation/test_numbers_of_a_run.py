@@ -246,3 +246,12 @@ def test_valves_of_different_dead_times_each_answer_their_own_commands_in_order(
     ):
         simulation.advance_to(time)
         np.testing.assert_allclose(simulation.state.pressure, pressures)
+
+
+@pytest.mark.parametrize("drive", ["torque", "pressure"])
+def test_a_vent_takes_every_command_of_the_arms_to_zero(drive):
+    arms = {"type": "arms", "links": 2, "width": 0, "drive": drive}
+    simulation = scene(SPRINGS, {"type": "clamp"}, arms).build()
+    getattr(simulation.inputs, f"set_{drive}")(0.5)
+    simulation.inputs.vent()
+    assert not getattr(simulation.inputs, drive).any()
