@@ -70,7 +70,8 @@ def on_recorders_clock(stamps: np.ndarray, logs: np.ndarray, copies: np.ndarray)
 
 def _telling(stamps: np.ndarray, logs: np.ndarray, copies: np.ndarray) -> np.ndarray:
     """Tell which stamps say when their message was made."""
-    usable = stamps > 0
+    # A simulation starts at 0: a stamp of 0 that was logged then is a time.
+    usable = (stamps > 0) | (logs == 0)
     distinct, first, inverse = np.unique(stamps, return_index=True, return_inverse=True)
     since = logs - logs[first][inverse]
     repeated = usable & (since > 0)

@@ -94,3 +94,9 @@ def test_a_silence_is_counted_whatever_its_length(length):
     assert report.silences == ((pytest.approx(0.98), pytest.approx(length)),)
     assert report.missing == round(length / 0.02) - 1
     assert f"a silence of {length:.3g} s at 0.980 s" in report.warnings()[0]
+
+
+def test_the_start_of_a_simulation_is_a_time_of_its_own():
+    recorded = [k * 20 * MS for k in range(10)]
+    times = found(recorded, recorded)
+    assert times.usable.all() and times.time.tolist() == recorded
