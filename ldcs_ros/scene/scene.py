@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ldcs_ros.errors import SceneError
+from ldcs_ros.errors import SceneError, SolverError
 from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
@@ -94,10 +94,27 @@ class Scene:
         """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
         return self.edited(solver={"integrator": self.solver.integrator, "accuracy": accuracy})
 
-    def build(self) -> Simulation:
-        """Return a simulation of the scene at its start."""
+    def build(self, *, verify: bool = False) -> Simulation:
+        """Return a simulation of the scene at its start.
+
+        Args:
+            verify: A second solution at a tenth of the accuracy measures the error as it goes.
+
+        Raises:
+            SolverError: A fixed step has no accuracy to verify.
+        """
         from ldcs_ros.simulation.simulation import Simulation
 
+        if verify:
+            from ldcs_ros.simulation.verification import FINER, VerifiedSimulation
+
+            if self.solver.accuracy is None:
+                raise SolverError(
+                    "verify: got a fixed step, expected an accuracy; compare runs of two steps instead @ solver.dt"
+                )
+            finest = Solver.__dataclass_fields__["accuracy"].metadata["low"]
+            finer = self.with_accuracy(max(FINER * self.solver.accuracy, finest))
+            return VerifiedSimulation(self, finer)
         return Simulation(self)
 
 

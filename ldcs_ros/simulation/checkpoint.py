@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import Pace
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.state import State
 from ldcs_ros.simulation.inputs import InputsState
 
 
@@ -27,6 +28,7 @@ class Checkpoint:
         integrator: State of the integrator, of its own class.
         counters: Cost of the run so far.
         error_estimate: Largest estimated error of a node position so far [m].
+        finer: State of the finer solution of a verified run; None otherwise.
     """
 
     origin: tuple[object, ...]
@@ -41,3 +43,4 @@ class Checkpoint:
     integrator: object
     counters: Counters
     error_estimate: float
+    finer: State | None = None

@@ -196,10 +196,11 @@ class Simulation:
         """The state at the present time: built once, and again only after an advance or a command."""
         key = (self.time, self.inputs.version)
         if self._taken is None or self._taken[0] != key or self._taken[1] is not self._step:
-            self._taken = (key, self._step, self._build_state())
+            self._taken = (key, self._step, self.build_state())
         return self._taken[2]
 
-    def _build_state(self) -> State:
+    def build_state(self) -> State:
+        """Return the state at the present time, built anew."""
         motion = self.motion()
         n = 3 * self.lattice.n_nodes
         arms = (len(self.arm_names), -1) if self.model.n_angles else (0, 0)

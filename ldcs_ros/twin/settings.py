@@ -37,6 +37,7 @@ class RunSettings:
         frame_prefix: Prefix of the name of each frame.
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
+        verify: Measure the error by a second solution at a tenth of the accuracy.
     """
 
     seed: int | None = _setting(None, int)
@@ -49,6 +50,7 @@ class RunSettings:
     frame_prefix: str = _setting("", str)
     full_precision: bool = _setting(False, _truth, key="detail")
     settled: bool = _setting(False, _truth)
+    verify: bool = _setting(False, _truth)
 
     def to_metadata(self) -> dict[str, str]:
         """Return the settings as texts by the names that a bag gives them."""

@@ -82,7 +82,8 @@ class Twin:
         self.solver_report = SolverReport()
         self.watchdog = watchdog or Watchdog(wall.monotonic)
         accuracy = self.settings.accuracy
-        self.simulation = (scene if accuracy is None else scene.with_accuracy(accuracy)).build()
+        asked = scene if accuracy is None else scene.with_accuracy(accuracy)
+        self.simulation = asked.build(verify=True) if self.settings.verify else asked.build()
         self.frames = Frames(self.settings.frame_prefix)
         self.commands = Commands(self.simulation, self.frames)
         self._has_subscribers = has_subscribers or (lambda name: False)

@@ -71,6 +71,7 @@ def test_settings_without_values_are_the_documented_ones_and_return_from_a_bags_
         "frame_prefix": "",
         "detail": "false",
         "settled": "false",
+        "verify": "false",
     }
     chosen = RunSettings(seed=3, accuracy=1e-6, publish_rate=20.0, full_precision=True, frame_prefix="twin/")
     assert chosen.to_metadata()["detail"] == "true"
