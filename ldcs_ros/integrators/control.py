@@ -120,6 +120,7 @@ class AdaptiveSteps:
         Raises:
             DivergenceError: No step above the smallest one can be taken.
         """
+        self.integrator.counters.evaluations += 1  # by the damping rate
         forgetting = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
         h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
         while True:

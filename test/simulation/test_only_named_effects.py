@@ -56,6 +56,8 @@ def test_a_run_imports_the_named_effects_and_no_other(effects):
     assert report["effects"] == names
     assert loaded - {"base"} == set(names)
     assert "ldcs_ros.physics.corotational" not in report["modules"]
+    # 5 x 5 nodes have banded factors.
+    assert "ldcs_ros.integrators.implicit.nested_dissection" not in report["modules"]
     if "arms" not in names:
         assert "ldcs_ros.physics.arm" not in report["modules"]
     assert not [module for module in report["modules"] if module.split(".")[0] in FOREIGN]
@@ -90,3 +92,21 @@ def test_a_term_stands_for_each_named_effect_and_nothing_else():
 
 def test_the_table_of_effects_is_imported_by_name_only():
     assert all(isinstance(home, str) and ":" in home for home in EFFECTS.values())
+
+
+@pytest.mark.parametrize("name", ["arc", "paper", "free_flight"])
+def test_statistics_count_every_force_call(name, monkeypatch):
+    simulation = load_scene(name).build()
+    calls = 0
+    force = simulation.model.force
+
+    def counted(*arguments):
+        nonlocal calls
+        calls += 1
+        return force(*arguments)
+
+    monkeypatch.setattr(simulation.model, "force", counted)
+    before = simulation.statistics.evaluations
+    simulation.advance_to(0.3)
+    # The start is evaluated before the first step, and counted with it.
+    assert abs(simulation.statistics.evaluations - before - calls) <= 1

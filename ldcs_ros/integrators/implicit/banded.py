@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in, sheet_places
+from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle, sheet_places
 from ldcs_ros.physics.model import Model
 
 
@@ -25,7 +25,7 @@ class Band:
         nx, ny = model.lattice.nodes
         self.order = np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
         self.dtype = np.dtype(np.float64)
-        row, column = below_diagonal(place_in(self.order), rows, columns)
+        row, column = lower_triangle(inverse_permutation(self.order), rows, columns)
         self._width = int(np.max(row - column, initial=0)) + 1
         self.slots = row - column + column * self._width
         self.diagonal = np.arange(len(self.order)) * self._width

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in, sheet_places
+from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle, sheet_places
 from ldcs_ros.physics.compiled import compiled_fast
 from ldcs_ros.physics.model import Model
 
@@ -36,7 +36,7 @@ class BlockTridiagonal:
             raise ValueError(
                 f"slabs of {counts.min()} to {counts.max()} free coordinates, expected equal ones"
             )
-        row, column = below_diagonal(place_in(self.order), rows, columns)
+        row, column = lower_triangle(inverse_permutation(self.order), rows, columns)
         block = self._block
         if np.max(row // block - column // block, initial=0) > 1:
             raise ValueError("an entry joins slabs that are not neighbours")

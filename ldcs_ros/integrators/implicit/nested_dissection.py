@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in, sheet_places
+from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle, sheet_places
 from ldcs_ros.physics.compiled import compiled, compiled_fast
 from ldcs_ros.physics.model import Model
 
@@ -67,10 +67,10 @@ class Dissection:
         coordinates = [by_column[a:b] for a, b in itertools.pairwise(bounds)]
         parts = _Parts((nx, ny), max(reach_x, reach_y, 1))
         self.order = np.concatenate([coordinates[c] for own, _, _ in parts.fronts for c in own])
-        place = place_in(self.order)
+        place = inverse_permutation(self.order)
         self.fronts = self._fronts(parts, [place[c] for c in coordinates])
         self._lay_out()
-        self.slots = self._slots(*below_diagonal(place, rows, columns))
+        self.slots = self._slots(*lower_triangle(place, rows, columns))
         everyone = np.arange(len(self.order))
         self.diagonal = self._slots(everyone, everyone)
 

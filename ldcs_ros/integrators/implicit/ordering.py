@@ -14,14 +14,14 @@ def sheet_places(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.n
     return layer, i, j, axis
 
 
-def place_in(order: np.ndarray) -> np.ndarray:
+def inverse_permutation(order: np.ndarray) -> np.ndarray:
     """Return the place of each coordinate in an order of all of them, shape (n,)."""
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
     return place
 
 
-def below_diagonal(place: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lower_triangle(place: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the row and the column of each entry, or of its mirror, in the lower triangle."""
     rows, columns = place[rows], place[columns]
     return np.maximum(rows, columns), np.minimum(rows, columns)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ldcs_ros.integrators.implicit.banded import Band, BandFactors
-from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, BlockTridiagonal
-from ldcs_ros.integrators.implicit.nested_dissection import Dissection, DissectionFactors
-from ldcs_ros.integrators.implicit.ordering import below_diagonal, place_in
+from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle
 from ldcs_ros.physics.column_frames import fill_column_frames, fill_rotations, rotated_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 
-Storage = Band | BlockTridiagonal | Dissection
+if TYPE_CHECKING:
+    from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, BlockTridiagonal
+    from ldcs_ros.integrators.implicit.nested_dissection import Dissection, DissectionFactors
+
+    Storage = Band | BlockTridiagonal | Dissection
 # Number of free node coordinates from which the sheet is dissected: 33 x 33 nodes and more.
 DISSECTED_SIZE = 4000
 # A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
@@ -34,6 +37,15 @@ def _scatter_whole(values, picked, share, slot, target):  # type: ignore[no-unty
 
 
 scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
+
+
+def _storage_for(n: int) -> type[Storage]:
+    """Return the storage for n free node coordinates; a small sheet imports no dissection."""
+    if n < DISSECTED_SIZE or not HAVE_NUMBA:
+        return Band
+    from ldcs_ros.integrators.implicit.nested_dissection import Dissection
+
+    return Dissection
 
 
 @dataclass(frozen=True)
@@ -143,15 +155,15 @@ class LinearSystem:
         share = np.where(rows == columns, 1.0, 0.5)
         self._inner, self._inner_share = np.flatnonzero(inner), share[inner]
         if storage is None:
-            storage = Dissection if n >= DISSECTED_SIZE and HAVE_NUMBA else Band
+            storage = _storage_for(n)
         self._storage: Storage = storage(model, rows[inner], columns[inner])
         self._order = self._storage.order
         self._columns = self._whole_columns(model)
         n_angles = model.n_free_angles
         # Angles follow the nodes in every order; what is not used may point anywhere.
-        place = place_in(np.append(self._order, np.arange(n, n + n_angles)))
+        place = inverse_permutation(np.append(self._order, np.arange(n, n + n_angles)))
         rows, columns = np.where(used, rows, 0), np.where(used, columns, 0)
-        row, column = below_diagonal(place, rows, columns)
+        row, column = lower_triangle(place, rows, columns)
         rows, columns = place[rows], place[columns]
         edge = used & (row >= n) & (column < n)
         self._edge, self._edge_share = np.flatnonzero(edge), share[edge]
