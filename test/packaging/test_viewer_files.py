@@ -81,6 +81,14 @@ def test_rviz_stands_in_the_base_frame_and_shows_all_markers():
     assert len(set(named)) == len(named)
 
 
+def test_rviz_can_show_the_arms_as_a_robot():
+    (model,) = (one for one in rviz()["Visualization Manager"]["Displays"] if "Description Topic" in one)
+    topic, wants = published()[model["Description Topic"]["Value"]], model["Description Topic"]
+    assert model["Class"] == "rviz_default_plugins/RobotModel" and model["Description Source"] == "Topic"
+    assert topic.type == "std_msgs/msg/String" and topic.transient_local
+    assert (wants["Durability Policy"], wants["Reliability Policy"]) == ("Transient Local", "Reliable")
+
+
 def test_points_have_the_colours_of_their_traces():
     for number, name in enumerate(POINTS):
         colour = next(one["Color"] for one in displays() if one["Name"] == name)
