@@ -66,7 +66,7 @@ class Reports:
             self.topics[name] = replace(TOPICS[name], recorded=settings.full_precision)
         self.topics |= expand("truth/{point}/pose", simulation.points)
         if simulation.arm_names:
-            self.topics["joint_states"] = TOPICS["joint_states"]
+            self.topics |= {name: TOPICS[name] for name in ("joint_states", "robot_description")}
         if tracker is not None:
             self.topics |= expand("{point}/pose", tracker.points)
             self.topics |= {name: TOPICS[name] for name in ("trakstar_msg", "trakstar_raw_msg")}
@@ -76,8 +76,6 @@ class Reports:
             self.topics["/clock"] = TOPICS["/clock"]
         if settings.publish_tf:
             self.topics |= {name: TOPICS[name] for name in ("/tf", "/tf_static")}
-            if simulation.arm_names:
-                self.topics["robot_description"] = TOPICS["robot_description"]
 
     @cached_property
     def _robot(self) -> RobotModel:
@@ -90,8 +88,8 @@ class Reports:
             identity = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
             base = messages.transform(nanoseconds(time), self._frames.base, self._frames.tracker, *identity)
             self._send("/tf_static", messages.transforms([base]), nanoseconds(time))
-            if self._simulation.arm_names:
-                self._send("robot_description", messages.text(self._robot.description()), nanoseconds(time))
+        if self._simulation.arm_names:
+            self._send("robot_description", messages.text(self._robot.description()), nanoseconds(time))
 
     def report_clock(self, time: float, state: State) -> None:
         """Report the simulation time [s] on /clock."""

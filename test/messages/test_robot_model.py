@@ -90,6 +90,6 @@ def test_the_twin_reports_the_links_on_tf_and_their_description_once():
     assert "right_joint_2" in described
 
 
-def test_without_arms_or_tf_nothing_is_described():
-    assert "robot_description" not in Twin(scene_with(links=2)).topics
+def test_without_arms_nothing_is_described():
+    assert "robot_description" in Twin(scene_with(links=2)).topics
     assert "robot_description" not in Twin(load_scene("single_spring"), RunSettings(publish_tf=True)).topics
