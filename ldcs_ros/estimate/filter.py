@@ -131,7 +131,7 @@ class SurfaceFilter:
         self._places = {point: self._reduced.place(point) for point in points}
         self._length = scene.lattice.size[0]
         self._pressures: deque[tuple[float, np.ndarray]] = deque(maxlen=2000)
-        self._pressures.append((start, np.zeros(2)))
+        self._pressures.append((start, np.zeros(len(self._reduced.simulation.arm_names))))
         self._has_pressure = self._has_begun = False
         self.innovations: deque[tuple[float, int]] = deque(maxlen=800)
         self.outliers = self.restarts = 0

@@ -186,3 +186,25 @@ def test_main_directions_are_orthonormal_and_span_the_shapes():
     mean, directions = main_directions(modes, 4)
     assert np.allclose(directions @ directions.T, np.eye(4))
     assert np.allclose((modes - mean) @ directions.T @ directions, modes - mean)
+
+
+def test_three_arms_are_estimated_too():
+    middle = {"name": "middle", "from": [0.0, 0.0], "to": [0.07, 0.0]}
+    sides = (
+        {"name": name, "from": [0.0, y], "to": [0.14, y]} for name, y in (("left", 0.07), ("right", -0.07))
+    )
+    scene = load_scene("rig").edited({"effects.arms.arms": [*sides, middle], "solver.accuracy": 1e-4})
+    real = loaded(scene, "P1", 0.02, 1.0).edited({"effects.arms.pressure_gain": 0.8e-6}).build()
+    real.inputs.set_pressure(0.0)
+    real.settle()
+    estimator, draw, error = SurfaceFilter(scene, POINTS), np.random.default_rng(3), []
+    for k in range(1, 161):
+        now = k * TICK
+        swing = 1.0 - np.cos(2.0 * np.pi * 0.5 * now)
+        real.inputs.set_pressure(swing * np.array([55e3, 45e3, 20e3]))
+        real.advance_to(now)
+        estimator.pressure(now, real.state.pressure)
+        estimator.correct(now, {name: real.pose(name)[0] + draw.normal(0.0, NOISE, 3) for name in POINTS})
+        error.append(rms(estimator.at(now).position, real.state.position))
+    # Two points tell three pressures apart more slowly than two: after two seconds the surface is found.
+    assert max(error[-10:]) < 1.0
