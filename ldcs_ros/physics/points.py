@@ -9,12 +9,19 @@ from functools import cached_property
 
 import numpy as np
 
+from ldcs_ros.errors import DivergenceError
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.schema.fields import SheetPlace
 
+# Nodes on a line: the square of the sine between two tangents, or the smallest share of inertia.
+FLAT = 1e-24
 NODE_NAME = re.compile(r"^node_(bottom|top)_(\d+)_(\d+)$")
 POINT_LAYERS = (*LAYERS, "mid")
 NAMED_PLACES = ("centre", "free_edge")
+
+
+class DegenerateShapeError(DivergenceError, np.linalg.LinAlgError):
+    """A shape without orientation. A step that meets it is tried again shorter, as after a singular matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +101,19 @@ class Point:
         return self.stencil.mean(position)
 
     def frame(self, position: np.ndarray) -> np.ndarray:
-        """Return the axes of its frame as columns, shape (3, 3), from node positions [m] of shape (n_nodes, 3)."""
+        """Return the axes of its frame as columns, shape (3, 3), from node positions [m] of shape (n_nodes, 3).
+
+        Raises:
+            DegenerateShapeError: The nodes around it lie on a line.
+        """
         along_x = self.ahead.minus(self.behind, position)
         along_y = self.left.minus(self.right, position)
         normal = _cross(along_x, along_y)
+        if normal @ normal <= FLAT * (along_x @ along_x) * (along_y @ along_y):
+            raise DegenerateShapeError(
+                f"{self.where}: the nodes around it lie on a line or in one place, so that it has no orientation; "
+                "check the node positions, loads and stiffness there"
+            )
         axes = np.empty((3, 3))
         axes[:, 0] = along_x / math.sqrt(along_x @ along_x)
         axes[:, 2] = normal / math.sqrt(normal @ normal)
@@ -118,6 +134,11 @@ class Point:
         """
         arm = position[self.patch] - position[self.patch].mean(axis=0)
         inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
+        if np.linalg.det(inertia) <= FLAT * (np.trace(inertia) / 3.0) ** 3:
+            raise DegenerateShapeError(
+                f"{self.where}: the nodes around it lie on a line or in one place and take up no torque about it; "
+                "check the node positions, loads and stiffness there"
+            )
         return self.patch, np.cross(np.linalg.solve(inertia, torque), arm)
 
 
