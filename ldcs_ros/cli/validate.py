@@ -24,6 +24,7 @@ law, and with the calibrated scene. Exit status 1 if an error of the calibrated 
 EXAMPLE = """\
 ldcs validate
   ldcs validate -o out/validation --calibrate --damping
+  ldcs validate --mechanics
   ldcs validate --markdown"""
 
 EXIT_GROWN = 1
@@ -45,6 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--damping", action="store_true", help="run other damping, show settling, cost and accuracy"
     )
     parser.add_argument(
+        "--mechanics",
+        action="store_true",
+        help="compare the material with classical strips and plates on three meshes, and print nothing else",
+    )
+    parser.add_argument(
         "--markdown", action="store_true", help="print the tables of the README and nothing else"
     )
 
@@ -57,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.validate.measure import RADIUS_METHOD
     from ldcs_ros.validate.parameters import CALIBRATED
 
+    if arguments.mechanics:
+        return _mechanics(arguments)
     quiet = arguments.json or arguments.markdown
     with Progress(1.0, label="cases", unit="", quiet=quiet) as bar:
         cases = all_cases(bar.show)
@@ -109,6 +117,26 @@ def run(arguments: argparse.Namespace) -> int:
     for line in grown:
         print(f"ldcs: error: the calibrated twin got worse: {line}", file=sys.stderr)
     return EXIT_GROWN if grown else 0
+
+
+def _mechanics(arguments: argparse.Namespace) -> int:
+    from ldcs_ros.validate import tables
+    from ldcs_ros.validate.mechanics import MESHES, benchmarks
+
+    rows, records = [["quantity", "reference", *(f"error at {n} nodes" for n in MESHES), "order"]], []
+    for one in benchmarks():
+        errors = [f"{100.0 * error:+.2f} %" for error in one.errors.values()]
+        rows.append([one.name, f"{one.reference:.5g}", *errors, f"{one.order:.1f}" if one.order == one.order else "-"])
+        records.append(
+            {"name": one.name, "reference": one.reference, "values": one.values, "limit": one.limit}
+        )
+    if arguments.json:
+        print_json({"mechanics": records})
+        return 0
+    print(tables.as_markdown(rows))
+    for limit in dict.fromkeys(record["limit"] for record in records if record["limit"]):
+        print(f"\nKnown difference of strips: {limit}.")
+    return 0
 
 
 def _calibrate(
