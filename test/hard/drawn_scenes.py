@@ -37,7 +37,7 @@ def _around(default: float, low: float, high: float):
 
 def _field(effect: str, field: dataclasses.Field):
     meta = field.metadata
-    if meta.get("place"):
+    if meta.get("location"):
         return st.sampled_from(PLACES)
     if "options" in meta:
         one = st.sampled_from(meta["options"])
@@ -49,7 +49,8 @@ def _field(effect: str, field: dataclasses.Field):
     elif whole:
         one = st.integers(max(meta["low"], 0), min(meta["high"], 3))
     else:
-        one = _around(float(field.default), meta["low"], meta["high"])
+        first = field.default[0] if isinstance(field.default, tuple) else field.default
+        one = _around(float(first), meta["low"], meta["high"])
     return one if meta["length"] is None else st.lists(one, min_size=meta["length"], max_size=meta["length"])
 
 

@@ -27,7 +27,8 @@ def test_the_real_error_is_below_the_asked_one(name):
     reference, _ = _course(scene, 1e-8)
     for accuracy in ACCURACIES:
         course, reported = _course(scene, accuracy)
-        error = np.abs(course - reference).max()
+        # Removed nodes are not numbers.
+        error = np.nanmax(np.abs(course - reference))
         assert error <= accuracy
         # An estimate: it may be low, by no more than a factor of two.
         assert error <= 2.0 * reported + 1e-8
