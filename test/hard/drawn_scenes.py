@@ -65,6 +65,8 @@ def effects(draw):
         block = {"type": name}
         for field in dataclasses.fields(effect_class(name)):
             required = field.default is dataclasses.MISSING
+            if field.default in (None, ()):  # a name, a region or a list that has no value to draw around
+                continue
             if required or (name, field.name) in RANGES or draw(st.booleans()):
                 block[field.name] = draw(_field(name, field))
         blocks.append(block)
