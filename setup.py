@@ -58,6 +58,8 @@ setup(
         "view": ["rerun-sdk>=0.39"],
         # What `ldcs study --scheduler` needs to use more than one machine.
         "cluster": ["distributed"],
+        # What `simulation.linearize().to_control()` returns.
+        "control": ["control"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
         "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80", "typos"],
     },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,6 @@ from ldcs_ros.simulation.command_directions import (
 )
 
 if TYPE_CHECKING:
-    import control
     from scipy.signal import StateSpace
 
 MOST_DENSE = 2000
@@ -65,14 +65,14 @@ class LinearModel:
 
         return signal.StateSpace(self.A, self.B, self.C, self.D)
 
-    def to_control(self) -> control.StateSpace:
+    def to_control(self) -> object:
         """Return a control.StateSpace with the names of states, inputs and outputs.
 
         Raises:
             ImportError: The package `control` is not installed.
         """
         try:
-            import control
+            control = import_module("control")
         except ImportError as error:
             raise ImportError("to_control needs the package 'control' (pip install control)") from error
         names = {"states": self.state_names, "inputs": self.input_names, "outputs": self.output_names}
