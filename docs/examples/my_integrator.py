@@ -8,7 +8,7 @@ import numpy as np
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators import INTEGRATORS
-from ldcs_ros.integrators.explicit import Course, Explicit, stable_radius
+from ldcs_ros.integrators.explicit import Explicit, WorkingState, stable_radius
 from ldcs_ros.integrators.spectrum import FastestMode
 from ldcs_ros.physics.inputs import HeldCommands
 
@@ -26,16 +26,16 @@ class Heun(Explicit):
         radius = stable_radius(lambda z: 1.0 + z + 0.5 * z * z, mode, most=2.0)
         return radius / mode.spectral_radius if mode.spectral_radius > 0.0 else radius
 
-    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """Move the course on by h; return how far Euler's step was off, as the estimated error."""
+    def part(self, working: WorkingState, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """Advance the working state by h; return how far Euler's step was off, as the estimated error."""
         model, free = self.model, self.model.free
-        q0, u0, a0 = course.q[free], course.u[free], course.a
-        course.time += h
-        course.q[free], course.u[free] = q0 + h * u0, u0 + h * a0
-        model.prescribe(course.time, course.q, course.u)
-        u1, a1 = course.u[free], model.accelerate(course.time, course.q, course.u, inputs)
-        course.q[free], course.u[free] = q0 + 0.5 * h * (u0 + u1), u0 + 0.5 * h * (a0 + a1)
-        course.a = model.accelerate(course.time, course.q, course.u, inputs)
+        q0, u0, a0 = working.q[free], working.u[free], working.a
+        working.time += h
+        working.q[free], working.u[free] = q0 + h * u0, u0 + h * a0
+        model.prescribe(working.time, working.q, working.u)
+        u1, a1 = working.u[free], model.accelerate(working.time, working.q, working.u, inputs)
+        working.q[free], working.u[free] = q0 + 0.5 * h * (u0 + u1), u0 + 0.5 * h * (a0 + a1)
+        working.a = model.accelerate(working.time, working.q, working.u, inputs)
         return 0.5 * h * (u1 - u0), 0.5 * h * (a1 - a0)
 
 

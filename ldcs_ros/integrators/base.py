@@ -5,7 +5,7 @@
 2. `step(motion, inputs, h, tolerance)` is pure: it returns a new `Step`, or raises `StepFailure` and the motion
    stays whole.
 3. `motion.a` are the accelerations at the motion; `start` makes them, and after a change of inputs the run adds
-   the jump (`soften` says how much of it lasts).
+   the jump (`smooth_jump` says how much of it lasts).
 4. A `Step` carries its error estimate [m], the largest over all nodes, and can be evaluated anywhere inside (`at`),
    as accurately as at its end, so that sensors and commands do not shorten steps.
 5. `order` is the order of the error in h, `error_order` that of the estimate of one step's error; a test measures
@@ -139,12 +139,12 @@ class Integrator:
     Attributes:
         model: What is integrated.
         counters: What it has cost.
-        whole_steps: A step is one step of the method; otherwise an explicit method may divide it into stable parts.
+        fixed_step: A step is one step of the method; otherwise an explicit method may divide it into stable parts.
     """
 
     model: Model
     counters: Counters = field(default_factory=Counters)
-    whole_steps: bool = False
+    fixed_step: bool = False
     name: ClassVar[str] = ""
     order: ClassVar[int] = 0
     error_order: ClassVar[int] = 0
@@ -189,7 +189,7 @@ class Integrator:
         """Return the jump in acceleration [m/s^2] at a motion where commands change, shape (n_free,)."""
         return self.model.command_jump(motion.time, motion.q, motion.u, before, after)
 
-    def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
+    def smooth_jump(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
         """Return the part of a jump in acceleration [m/s^2] that lasts through the next step; here all of it."""
         return jump
 

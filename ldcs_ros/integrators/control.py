@@ -121,11 +121,11 @@ class AdaptiveSteps:
             DivergenceError: No step above the smallest one can be taken.
         """
         self.integrator.counters.evaluations += 1  # by the damping rate
-        forgetting = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
+        decay_rate = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
         h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
         while True:
             h, clipped = _fit(motion.time, h, stop, 1.0 if rejected else STRETCH)
-            tolerance = LOCAL_SHARE * self.accuracy * min(1.0, forgetting * h)
+            tolerance = LOCAL_SHARE * self.accuracy * min(1.0, decay_rate * h)
             try:
                 step = _finite_step(self.integrator, motion, inputs, h, tolerance)
             except StepFailure as failure:
@@ -154,7 +154,7 @@ class AdaptiveSteps:
         if clipped and not rejected:
             # A clipped step tells about its own length only; the pace before it stands if it was longer.
             grown = max(grown, pace.h)
-        error = pace.error * math.exp(-forgetting * h)
+        error = pace.error * math.exp(-decay_rate * h)
         first = grown if opening else pace.opening
         step = _landed(step, stop) if clipped else step
         errors = pace.errors[-1:]
@@ -179,7 +179,7 @@ class FixedSteps:
 
     def __init__(self, integrator: Integrator, h: float) -> None:
         self.integrator, self.h = integrator, h
-        integrator.whole_steps = True
+        integrator.fixed_step = True
 
     def first(self, motion: Motion) -> Pace:
         """Return the pace at a start."""

@@ -26,7 +26,7 @@ WILD_SHARE = 0.25
 
 
 @dataclass
-class Course:
+class WorkingState:
     """The coordinates while the parts of a step are made; changed in place.
 
     Attributes:
@@ -42,7 +42,7 @@ class Course:
     a: np.ndarray
 
 
-class Watched(Integrator):
+class StabilityMonitored(Integrator):
     """A method whose steps depend on the fastest mode; looks at it again every REVIEW_PERIOD evaluations."""
 
     def __post_init__(self) -> None:
@@ -82,49 +82,49 @@ class Watched(Integrator):
             self._mode, self._reviewed = mode, 0
         return self._mode
 
-    def refuse_wild(self, error: float) -> None:
+    def check_divergence(self, error: float) -> None:
         """Raise StepFailure if a step's error [m] says that the motion has left its course."""
         if not error <= WILD_SHARE * min(self.model.lattice.spacing):
             self._mode = None
             raise StepFailure("the motion grows without bound or left the finite numbers")
 
 
-class Explicit(Watched):
+class Explicit(StabilityMonitored):
     """An explicit method: `part` takes one stable step, `step` as many equal ones as stability asks for.
 
     With adaptive control a step above the limit is divided into parts below it, so the limit costs no rejected
-    steps. With a fixed step (`whole_steps`) nothing is divided: a limit that has fallen below it fails the step.
+    steps. With a fixed step (`fixed_step`) nothing is divided: a limit that has fallen below it fails the step.
     """
 
     implicit: ClassVar[bool] = False
     evaluations_per_part: ClassVar[int]
 
-    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """Move a course on by h [s]; return the estimated errors that this makes in q and u, shape (n_free,)."""
+    def part(self, working: WorkingState, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """Advance a working state by h [s]; return the estimated errors that this makes in q and u, shape (n_free,)."""
         raise NotImplementedError
 
     def step(self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float) -> Step:
         limit = self.limit(self.present_mode(motion, inputs))
-        if self.whole_steps and h > limit * (1.0 + 1e-9):
+        if self.fixed_step and h > limit * (1.0 + 1e-9):
             raise StepFailure(
                 f"{h:.4g} s is above the stability limit, now {limit:.3g} s", LIMIT_SHARE * limit / h
             )
         parts = 1 if h <= limit else math.ceil(h / (LIMIT_SHARE * limit))
         if parts > MOST_PARTS:
             raise StepFailure(f"{h:.3g} s takes {parts} parts of at most {limit:.3g} s", MOST_PARTS / parts)
-        course = Course(motion.time, motion.q.copy(), motion.u.copy(), motion.a)
+        working = WorkingState(motion.time, motion.q.copy(), motion.u.copy(), motion.a)
         defect, rate_defect = np.zeros(len(self.model.free)), np.zeros(len(self.model.free))
         for k in range(parts):
-            course.time = motion.time + h * k / parts
-            made = self.part(course, inputs, h / parts)
+            working.time = motion.time + h * k / parts
+            made = self.part(working, inputs, h / parts)
             defect += made[0]
             rate_defect += made[1]
         self.counters.evaluations += parts * self.evaluations_per_part
         error = self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
-        self.refuse_wild(error)
+        self.check_divergence(error)
         self._reviewed += parts * self.evaluations_per_part
         self.counters.steps += 1
-        return Step(motion, Motion(motion.time + h, course.q, course.u, course.a), error)
+        return Step(motion, Motion(motion.time + h, working.q, working.u, working.a), error)
 
 
 def stable_radius(growth: Any, mode: FastestMode, *, most: float) -> float:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ldcs_ros.integrators.explicit import Course, Explicit, stable_radius
+from ldcs_ros.integrators.explicit import Explicit, WorkingState, stable_radius
 from ldcs_ros.integrators.spectrum import FastestMode
 from ldcs_ros.physics.inputs import HeldCommands
 
@@ -35,20 +35,20 @@ class Rk4(Explicit):
         radius = stable_radius(growth, mode, most=3.0)
         return radius / mode.spectral_radius if mode.spectral_radius > 0.0 else radius
 
-    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
-        model, free, start = self.model, self.model.free, course.time
-        q0, u0 = course.q[free], course.u[free]
-        rates, pushes = [u0], [course.a]
+    def part(self, working: WorkingState, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
+        model, free, start = self.model, self.model.free, working.time
+        q0, u0 = working.q[free], working.u[free]
+        rates, pushes = [u0], [working.a]
         for share in (0.5, 0.5, 1.0):
             rate = u0 + share * h * pushes[-1]
-            course.q[free] = q0 + share * h * rates[-1]
-            course.u[free] = rate
-            model.prescribe(start + share * h, course.q, course.u)
+            working.q[free] = q0 + share * h * rates[-1]
+            working.u[free] = rate
+            model.prescribe(start + share * h, working.q, working.u)
             rates.append(rate)
-            pushes.append(model.accelerate(start + share * h, course.q, course.u, inputs))
-        course.q[free] = q0 + h / 6.0 * (rates[0] + 2.0 * (rates[1] + rates[2]) + rates[3])
-        course.u[free] = u0 + h / 6.0 * (pushes[0] + 2.0 * (pushes[1] + pushes[2]) + pushes[3])
-        course.time = start + h
-        course.a = model.accelerate(course.time, course.q, course.u, inputs)
+            pushes.append(model.accelerate(start + share * h, working.q, working.u, inputs))
+        working.q[free] = q0 + h / 6.0 * (rates[0] + 2.0 * (rates[1] + rates[2]) + rates[3])
+        working.u[free] = u0 + h / 6.0 * (pushes[0] + 2.0 * (pushes[1] + pushes[2]) + pushes[3])
+        working.time = start + h
+        working.a = model.accelerate(working.time, working.q, working.u, inputs)
         weight = SWAPPED_WEIGHT * h
-        return weight * (rates[3] - course.u[free]), weight * (pushes[3] - course.a)
+        return weight * (rates[3] - working.u[free]), weight * (pushes[3] - working.a)

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ldcs_ros.integrators.base import Step, StepFailure
-from ldcs_ros.integrators.explicit import RATE_SHARE, Watched
+from ldcs_ros.integrators.explicit import RATE_SHARE, StabilityMonitored
 from ldcs_ros.integrators.spectrum import FastestMode
 from ldcs_ros.physics.compiled import compiled
 from ldcs_ros.physics.inputs import HeldCommands
@@ -80,7 +80,7 @@ def _combine(mu, nu, mu_h, gamma_h, start, near, far, push, first):  # type: ign
         far[i] = rest * start[i] + mu * near[i] + nu * far[i] + mu_h * push[i] + gamma_h * first[i]
 
 
-class Rkc2(Watched):
+class Rkc2(StabilityMonitored):
     """The Chebyshev recursion for (q, u)' = (u, a(t, q, u)) with its embedded estimate.
 
     Stable on the negative real axis up to |h mu| = 0.653 s^2 with s stages, so the cost of a step grows as the root
@@ -137,6 +137,6 @@ class Rkc2(Watched):
         self._reviewed += s
         defect = 0.8 * (start - near) + 0.4 * h * (first + np.concatenate([near[n:], a]))
         error = self.largest_displacement(np.maximum(np.abs(defect[:n]), RATE_SHARE * h * np.abs(defect[n:])))
-        self.refuse_wild(error)
+        self.check_divergence(error)
         self.counters.steps += 1
         return Step(motion, Motion(end, q, u, a), error)

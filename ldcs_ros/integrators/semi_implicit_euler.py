@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ldcs_ros.integrators.explicit import Course, Explicit
+from ldcs_ros.integrators.explicit import Explicit, WorkingState
 from ldcs_ros.integrators.spectrum import FastestMode
 from ldcs_ros.physics.inputs import HeldCommands
 
@@ -28,13 +28,13 @@ class SemiImplicitEuler(Explicit):
         c, k = mode.damping, mode.stiffness
         return 4.0 / (c + math.sqrt(c * c + 4.0 * k)) if c + k > 0.0 else math.inf
 
-    def part(self, course: Course, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
-        free, before = self.model.free, course.a
-        rate = course.u[free] + h * before
-        course.u[free] = rate
-        course.q[free] += h * rate
-        course.time += h
-        self.model.prescribe(course.time, course.q, course.u)
-        course.a = self.model.accelerate(course.time, course.q, course.u, inputs)
+    def part(self, working: WorkingState, inputs: HeldCommands, h: float) -> tuple[np.ndarray, np.ndarray]:
+        free, before = self.model.free, working.a
+        rate = working.u[free] + h * before
+        working.u[free] = rate
+        working.q[free] += h * rate
+        working.time += h
+        self.model.prescribe(working.time, working.q, working.u)
+        working.a = self.model.accelerate(working.time, working.q, working.u, inputs)
         # The next terms of the Taylor series: h^2 a / 2 in q, h^2 a' / 2 in u.
-        return 0.5 * h * h * before, 0.5 * h * (course.a - before)
+        return 0.5 * h * h * before, 0.5 * h * (working.a - before)

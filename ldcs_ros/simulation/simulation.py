@@ -440,7 +440,7 @@ class Simulation:
         if motion.time != self.time:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
         jump = self.integrator.jump(motion, self._held, held)
-        lasting = motion.a + self.integrator.soften(motion, jump)
+        lasting = motion.a + self.integrator.smooth_jump(motion, jump)
         motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._input_version = held, self.inputs.version
         self._pace = self._pace.left_at(self._step, self.time)

@@ -9,7 +9,7 @@ from ldcs_ros import load_scene
 from ldcs_ros.errors import DivergenceError, SolverError
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import StepFailure
-from ldcs_ros.integrators.explicit import Course
+from ldcs_ros.integrators.explicit import WorkingState
 from ldcs_ros.integrators.rkc2 import coefficients, growth, stages
 from ldcs_ros.integrators.spectrum import fastest_mode
 from ldcs_ros.physics.inputs import NO_INPUTS
@@ -68,7 +68,7 @@ def test_steps_begin_to_grow_at_the_stability_limit(name, scene):
     push = np.random.default_rng(1).normal(0.0, 1e-3, len(model.free))
 
     def largest_rate(h):
-        course = Course(0.0, rest.q.copy(), rest.u.copy(), rest.a)
+        course = WorkingState(0.0, rest.q.copy(), rest.u.copy(), rest.a)
         course.u[model.free] += push
         for _ in range(600):
             method.part(course, NO_INPUTS, h)

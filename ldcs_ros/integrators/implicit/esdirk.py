@@ -11,7 +11,7 @@ from ldcs_ros.integrators.base import ErrorState, Integrator, Step, StepFailure
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
 from ldcs_ros.integrators.implicit.error_kernels import INNER
 from ldcs_ros.integrators.implicit.error_transport import ErrorTransport
-from ldcs_ros.integrators.implicit.predictor import Point, Trail
+from ldcs_ros.integrators.implicit.predictor import Point, StagePredictor
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.integrators.tableaux import Tableau
 from ldcs_ros.physics.inputs import HeldCommands
@@ -89,7 +89,7 @@ class Dirk(Integrator):
         self._system = LinearSystem(self.model)
         self._factors: Factors | None = None
         self._rate, self._measured = FRESH_RATE, False
-        self._trails: tuple[Trail, ...] = ()
+        self._trails: tuple[StagePredictor, ...] = ()
         self._transport = ErrorTransport(self._system)
         self._stage_factors: list[Factors] = []
         self._inner_stages = [int(np.argmin(np.abs(self.tableau.c[1:] - s))) for s in INNER]
@@ -107,7 +107,7 @@ class Dirk(Integrator):
         self._factors, self._rate, self._measured, self._trails, updates = memory
         self._updates.recall(updates)
 
-    def soften(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
+    def smooth_jump(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
         # W^-1 M: stiff parts (light links against stiff couplings) have their acceleration for microseconds only;
         # a curve that began with it would carry it through all of the step.
         kept = self._factors
@@ -133,13 +133,13 @@ class Dirk(Integrator):
         factors = first.unscaled(), second.unscaled(), last.unscaled()
         return self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
 
-    def _trail_to(self, motion: Motion) -> Trail:
+    def _trail_to(self, motion: Motion) -> StagePredictor:
         """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
         for trail in self._trails:
             if trail.points[-1][1] is motion.a:
                 return trail
         if not self._trails:
-            return Trail(motion.time, ((motion.time, motion.a),))
+            return StagePredictor(motion.time, ((motion.time, motion.a),))
         return self._trails[-1].jumped(motion.time, motion.a)
 
     def _present(self, motion: Motion, inputs: HeldCommands, h: float) -> tuple[Factors, bool]:
@@ -225,9 +225,9 @@ class Dirk(Integrator):
         if error > tolerance and factors is not None:
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
-        return Step(motion, right, error, self._coasting(rate_defect), self.largest_displacement(rate_defect))
+        return Step(motion, right, error, self._momentum_drift(rate_defect), self.largest_displacement(rate_defect))
 
-    def _coasting(self, rate_defect: np.ndarray) -> float:
+    def _momentum_drift(self, rate_defect: np.ndarray) -> float:
         """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.
 
         Dampers between nodes forget all errors but that one: after an impact nothing takes it away again.

@@ -18,7 +18,7 @@ MOST_POINTS = 64
 
 
 @dataclass(frozen=True)
-class Trail:
+class StagePredictor:
     """Accelerations of the free coordinates since they last jumped, as a command makes them do.
 
     Commands at a steady rate make every interval run like the one before; where its stages were at the same times,
@@ -40,7 +40,7 @@ class Trail:
     end: np.ndarray | None = None
     drift: np.ndarray | float = 0.0
 
-    def jumped(self, time: float, a: np.ndarray) -> Trail:
+    def jumped(self, time: float, a: np.ndarray) -> StagePredictor:
         """Return the trail after a jump at a time to accelerations a."""
         length = time - self.since
         before: tuple[Point, ...] = ()
@@ -50,9 +50,9 @@ class Trail:
             )
         end = self.points[-1][1]
         drift = 0.0 if self.end is None else end - self.end
-        return Trail(time, ((time, a),), length, before, end, drift)
+        return StagePredictor(time, ((time, a),), length, before, end, drift)
 
-    def extended(self, points: list[Point]) -> Trail:
+    def extended(self, points: list[Point]) -> StagePredictor:
         """Return the trail with more points."""
         return replace(self, points=(self.points + tuple(points))[-MOST_POINTS:])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros import load_scene
-from ldcs_ros.integrators.implicit.predictor import Trail
+from ldcs_ros.integrators.implicit.predictor import StagePredictor
 
 
 def _interval(trail, start, length, shape):
@@ -16,7 +16,7 @@ def test_commands_at_a_steady_rate_are_expected_to_act_as_the_last_one_did():
     def shape(start, share):
         return np.array([10.0 * start + share * (1.0 - share)])
 
-    trail = Trail(0.0, ((0.0, np.array([0.0])),))
+    trail = StagePredictor(0.0, ((0.0, np.array([0.0])),))
     for k in range(3):
         trail = _interval(trail, 0.1 * k, 0.1, shape)
         trail = trail.jumped(0.1 * (k + 1), np.array([99.0]))
@@ -28,7 +28,7 @@ def test_commands_at_a_steady_rate_are_expected_to_act_as_the_last_one_did():
 
 
 def test_without_a_rhythm_the_last_two_points_are_extrapolated():
-    trail = Trail(0.0, ((0.0, np.array([1.0])), (0.5, np.array([2.0]))))
+    trail = StagePredictor(0.0, ((0.0, np.array([1.0])), (0.5, np.array([2.0]))))
     np.testing.assert_allclose(trail.guess([], 1.0), [3.0])
     np.testing.assert_allclose(trail.guess([(0.75, np.array([4.0]))], 1.0), [6.0])
     np.testing.assert_allclose(trail.jumped(0.6, np.array([5.0])).guess([], 0.7), [5.0])
