@@ -208,3 +208,11 @@ def test_three_arms_are_estimated_too():
         error.append(rms(estimator.at(now).position, real.state.position))
     # Two points tell three pressures apart more slowly than two: after two seconds the surface is found.
     assert max(error[-10:]) < 1.0
+
+
+@pytest.mark.parametrize("name", ["rig", "perforated"])
+def test_a_stiffness_factor_is_that_of_every_spring(name):
+    scene = load_scene(name).edited({"lattice.nodes": [9, 9]})
+    plain, stiffer = (loaded(scene, "P1", 0.0, factor).build().model for factor in (1.0, 1.25))
+    springs = [next(term for term in model.terms if term.name == "springs") for model in (plain, stiffer)]
+    np.testing.assert_allclose(springs[1].k, 1.25 * springs[0].k, rtol=1e-12)
