@@ -47,13 +47,13 @@ def failed():
 
 def state_of(control):
     response = GetSimulationState.Response()
-    control.get_state(None, response)
+    control.report_state(None, response)
     return response.state.state, response.result.error_message
 
 
 def set_state(control, state):
     request = SetSimulationState.Request(state=SimulationState(state=state))
-    control.set_state(request, SetSimulationState.Response())
+    control.change_state(request, SetSimulationState.Response())
 
 
 def test_a_simulation_that_cannot_go_on_stands_and_says_why(failed):

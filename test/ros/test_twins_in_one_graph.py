@@ -122,7 +122,8 @@ def test_frames_of_two_twins_hang_in_two_trees(user):
     late = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     user.node.create_subscription(TFMessage, "/tf", take, 100)
     user.node.create_subscription(TFMessage, "/tf_static", take, late)
-    user.until(lambda: len(parents) == 6)
+    children = [f"{twin}/{child}" for twin in ("twin1", "twin2") for child in ("P0", "P1", "trakstar_base")]
+    user.until(lambda: set(children) <= set(parents))
     for twin in ("twin1", "twin2"):
         assert user.next(f"/{twin}/nodes").header.frame_id == f"{twin}/ldcs_base"
         for child in ("P0", "P1", "trakstar_base"):
