@@ -102,7 +102,7 @@ class Reports:
             messages.transform(now, base, named(point), *self._simulation.points[point].pose(state.position))
             for point in self._truth
         ]
-        if self._simulation.arm_names:
+        if self._simulation.arm_names and self._settings.link_frames:
             links = self._robot.link_poses(state.link_angle)
             stamped += [messages.transform(now, base, named(link), *pose) for link, pose in links.items()]
         self._send("/tf", messages.transforms(stamped), now)

@@ -34,6 +34,7 @@ class RunSettings:
         ambient_pressure: Absolute pressure of the surrounding air [Pa].
         publish_clock: Emit /clock with each report.
         publish_tf: Emit /tf with each report, /tf_static at the start.
+        link_frames: Emit the frames of the arms' links on /tf, too.
         frame_prefix: Prefix of the name of each frame.
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
@@ -47,6 +48,7 @@ class RunSettings:
     ambient_pressure: float = _setting(101325.0, float)
     publish_clock: bool = _setting(False, _truth)
     publish_tf: bool = _setting(False, _truth)
+    link_frames: bool = _setting(True, _truth)
     frame_prefix: str = _setting("", str)
     full_precision: bool = _setting(False, _truth, key="detail")
     settled: bool = _setting(False, _truth)
@@ -64,7 +66,11 @@ class RunSettings:
             ValueError: A text is no value of its setting.
         """
         held = {one.name: (one, texts.get(one.metadata["key"] or one.name, "")) for one in fields(cls)}
-        return cls(**{name: one.metadata["read"](text) for name, (one, text) in held.items() if text})
+        values = {name: one.metadata["read"](text) for name, (one, text) in held.items() if text}
+        # Bags from before the links had frames replay without them.
+        if texts and "link_frames" not in texts:
+            values["link_frames"] = False
+        return cls(**values)
 
 
 def software_versions() -> dict[str, str]:

@@ -68,6 +68,7 @@ def test_settings_without_values_are_the_documented_ones_and_return_from_a_bags_
         "ambient_pressure": "101325.0",
         "publish_clock": "false",
         "publish_tf": "false",
+        "link_frames": "true",
         "frame_prefix": "",
         "detail": "false",
         "settled": "false",
@@ -77,6 +78,8 @@ def test_settings_without_values_are_the_documented_ones_and_return_from_a_bags_
     assert chosen.to_metadata()["detail"] == "true"
     assert RunSettings.from_metadata(chosen.to_metadata()) == chosen
     assert RunSettings.from_metadata({}) == settings
+    # A bag from before the links had frames replays without them.
+    assert not RunSettings.from_metadata({"publish_tf": "true"}).link_frames
 
 
 def test_a_watchdog_counts_its_trips_from_zero():
