@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.integrators.settings import Solver
@@ -12,16 +12,13 @@ from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
+from ldcs_ros.physics.placed_arms import PlacedArm
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.shapes import Disc, PlaneShape, Polygon, Rectangle, SheetRegion
 from ldcs_ros.schema.arms import MAX_ARMS
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.fields import as_location, did_you_mean, shown
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
-
-if TYPE_CHECKING:
-    # A scene imports only the effects that it names.
-    from ldcs_ros.physics.effects.arms import PlacedArm
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side: a memory limit, far above useful meshes
@@ -177,7 +174,7 @@ def _check_effect(
 
 def _check_arms(value: object, lattice: Lattice, path: str) -> tuple[PlacedArm, ...]:
     """Return the arms of a list."""
-    from ldcs_ros.physics.effects.arms import SHARED, Arms, PlacedArm
+    from ldcs_ros.physics.effects.arms import SHARED, Arms
 
     blocks = CHECKS.items(value, path)
     if not 1 <= len(blocks) <= MAX_ARMS:

@@ -6,7 +6,7 @@ import math
 import time as wall_clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +23,7 @@ from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
+from ldcs_ros.simulation.statistics import Statistics
 from ldcs_ros.simulation.threads import one_thread
 
 if TYPE_CHECKING:
@@ -34,33 +35,6 @@ if TYPE_CHECKING:
     from ldcs_ros.simulation.stability import Stability
 
 DEFAULT_INTEGRATOR = "esdirk43"
-
-
-@dataclass
-class Statistics:
-    """The cost and the estimated error of a run.
-
-    Attributes:
-        steps: Accepted steps.
-        rejected_steps: Steps taken again with a smaller size.
-        evaluations: Force evaluations.
-        factorisations: Matrices factored.
-        solves: Linear systems solved.
-        error_estimate: Largest estimated error of a node position so far [m]; 0 with a fixed step.
-        wall_time: Time spent in `advance_to` [s].
-    """
-
-    steps: int = 0
-    rejected_steps: int = 0
-    evaluations: int = 0
-    factorisations: int = 0
-    solves: int = 0
-    error_estimate: float = 0.0
-    wall_time: float = 0.0
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the figures by name."""
-        return asdict(self)
 
 
 class Simulation:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros.errors import LdcsError
-from ldcs_ros.simulation.simulation import Statistics
+from ldcs_ros.simulation.statistics import Statistics
 
 BASELINE, SCIPY = "compiled_rkc2", ("scipy_BDF", "scipy_Radau")
 METHODS_APART = (BASELINE, *SCIPY)

@@ -10,7 +10,8 @@ import numpy as np
 
 from ldcs_ros.integrators.first_order import FirstOrder
 from ldcs_ros.schema.units import TIME_TOLERANCE
-from ldcs_ros.simulation.simulation import Simulation, Statistics
+from ldcs_ros.simulation.simulation import Simulation
+from ldcs_ros.simulation.statistics import Statistics
 from ldcs_ros.simulation.threads import one_thread
 
 # Absolute tolerance of rates against that of positions [1/s]; rates of 0.1 m/s belong to displacements of centimetres.

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ldcs_ros.physics.effects import effect_class
-from ldcs_ros.physics.effects.arms import PlacedArm
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model
+from ldcs_ros.physics.placed_arms import PlacedArm
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.fields import SheetPlace
 

@@ -9,7 +9,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError, DivergenceError
-from ldcs_ros.simulation.simulation import Statistics
+from ldcs_ros.simulation.statistics import Statistics
 
 # 2 x 2 cells' corners: 8 nodes of 10 g.
 SHEET = {"size": [0.1, 0.1, 0.01], "nodes": [2, 2], "mass": 0.08}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import ClassVar
@@ -17,34 +15,13 @@ from ldcs_ros.physics.curves import smoothstep
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.placed_arms import PlacedArm, corners_in_use
 from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.fields import choice, quantity
 
 DRIVES = ("torque", "pressure", "curvature")
 SHARED = ("drive", "arms")
 """Keys of the entry that hold for all of its arms and that no arm has of its own."""
-
-
-@dataclass(frozen=True)
-class PlacedArm:
-    """One arm of the list: a straight line on the flat sheet.
-
-    Attributes:
-        name: Its name, which begins the names of its joints and topics.
-        start: Its base, x and y on the flat sheet in ldcs_base [m].
-        end: Its tip, likewise [m].
-        own: Its own values of parameters of `Arms`, by name.
-    """
-
-    name: str
-    start: tuple[float, float]
-    end: tuple[float, float]
-    own: Mapping[str, object] = field(default_factory=dict)
-
-    @property
-    def length(self) -> float:
-        """Its length on the flat sheet [m]."""
-        return math.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -413,23 +390,11 @@ def _check_shape(placed: PlacedArm, own: Arms, lattice: Lattice, *, listed: bool
             f"{-0.5 * thickness:g} ... {0.5 * thickness:g} m"
         )
     if lattice.missing.size:
-        _check_crosses_no_hole(placed, lattice)
+        placed.check_holes(lattice)
     cells, rows = max(lattice.nodes) - 1, lattice.nodes[1]
     most = cells if listed else rows - 1
     if own.width > most:
         raise ValueError(f"{which}width: got {own.width}, expected 0 ... {most}, the sheet has {rows} rows")
-
-
-def _check_crosses_no_hole(placed: PlacedArm, lattice: Lattice) -> None:
-    # Half a cell from point to point: no hole between two joint stations is missed.
-    for fraction in np.linspace(0.0, 1.0, 2 * max(lattice.nodes)):
-        x, y = (a + fraction * (b - a) for a, b in zip(placed.start, placed.end, strict=True))
-        try:
-            lattice.bilinear(0, x, y)
-        except ValueError as error:
-            raise ValueError(
-                f"arm {placed.name!r} crosses a hole at x = {x:g}, y = {y:g} m, expected a line on the sheet"
-            ) from error
 
 
 def _tables(
@@ -439,7 +404,7 @@ def _tables(
     arms, links = np.zeros(len(each), dtype=ARM), np.zeros((len(each), most), dtype=LINK)
     ribs = np.zeros((len(each), most + 1, most))
     for k, (one, own) in enumerate(zip(placed, each, strict=True)):
-        n, direction = own.links, _direction(one)
+        n, direction = own.links, one.direction
         links["length"][k, :n] = one.length / n
         links["length"][k, 0] -= own.rigid_base
         fraction = np.ones(n)
@@ -463,10 +428,6 @@ def _tables(
     return ArmTables(records(arms), records(links), ribs, records(couplings), nodes, weight)
 
 
-def _direction(placed: PlacedArm) -> np.ndarray:
-    return np.array([placed.end[0] - placed.start[0], placed.end[1] - placed.start[1]]) / placed.length
-
-
 def _rib_weights(own: Arms) -> np.ndarray:
     links = own.links
     rib_weight = np.zeros((links + 1, links))
@@ -485,7 +446,7 @@ def _couplings(
     """Return one coupling for each arm, joint station, row under the arm and layer: `COUPLING`, nodes and weights."""
     rows, nodes, weight = [], [], []
     for k, (one, own) in enumerate(zip(placed, each, strict=True)):
-        dx, dy = _direction(one)
+        dx, dy = one.direction
         cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
         across = [0, *(side * row for row in range(1, own.width + 1) for side in (-1, 1))]
         for s, row, layer in product(range(own.links + 1), across, range(2)):
@@ -500,12 +461,5 @@ def _couplings(
             rows.append((k, s, offset, lateral, own.coupling_stiffness, own.coupling_damping))
             nodes.append(corners)
             weight.append(weights)
-    kept = _corners_in_use(np.array(weight))
+    kept = corners_in_use(np.array(weight))
     return np.array(rows, dtype=COUPLING), np.array(nodes)[:, kept], np.array(weight)[:, kept]
-
-
-def _corners_in_use(weight: np.ndarray) -> list[int]:
-    # If all points lie on lines of nodes, two corners of each cell hold them.
-    if not weight[:, 2:].any():
-        return [0, 1]
-    return [0, 2] if not weight[:, [1, 3]].any() else [0, 1, 2, 3]
