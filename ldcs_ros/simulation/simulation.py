@@ -174,7 +174,7 @@ class Simulation:
         return self._taken[2]
 
     def build_state(self) -> State:
-        """Return the state at the present time, built anew."""
+        """Return the state at the present time, computed again at each call."""
         motion = self.motion()
         n = 3 * self.lattice.n_nodes
         arms = (len(self.arm_names), -1) if self.model.n_angles else (0, 0)

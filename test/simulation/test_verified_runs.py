@@ -66,7 +66,7 @@ def test_simulate_verify_prints_the_measured_error(capsys):
     assert main(["simulate", "single_spring", "--duration", "0.2", "--verify"]) == 0
     said = capsys.readouterr().out
     assert "measured error" in said
-    # Nobody asks 1e-7 m in time of a lattice that is off by a millimetre.
+    # An accuracy of 1e-7 m in time is useless on a lattice that is off by a millimetre.
     assert "lattice's own: about" in said
     assert main(["simulate", "single_spring", "--duration", "0.2"]) == 0
     assert "estimated error" in capsys.readouterr().out

@@ -151,7 +151,7 @@ def yaml_runs(seeds: Path, work: Path, draw: random.Random) -> Iterator[tuple[st
 
 
 def run(words: list[str]) -> int:
-    """Run a verb; `rig` stands for reading a rig file."""
+    """Run a verb; `rig` reads a rig file."""
     from ldcs_ros.cli.main import main
     from ldcs_ros.errors import LdcsError
     from ldcs_ros.rig.rig_file import load_rig
@@ -204,10 +204,10 @@ def judge(words: list[str], work: Path) -> tuple[int, list[str], str]:
         faults.append("memory above 1 GB")
         detail = detail or f"{_peak()} MB"
     lines = [line for line in err.getvalue().splitlines() if line.startswith("ldcs: error:")]
-    told = [
+    reported = [
         line for line in err.getvalue().splitlines() if line.strip() and not line.startswith("ldcs: note:")
     ]
-    expected = {0: lines == [], 1: len(lines) <= 1, 2: len(lines) == 1 and told == lines}.get(status, False)
+    expected = {0: lines == [], 1: len(lines) <= 1, 2: len(lines) == 1 and reported == lines}.get(status, False)
     if not faults and not expected:
         faults.append("wrong exit")
         detail = f"status {status}, stderr {err.getvalue()[-600:]!r}"

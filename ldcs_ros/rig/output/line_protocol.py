@@ -5,7 +5,7 @@
     rig -> bridge   A <number> <milliseconds>            taken
     rig -> bridge   E <number> <milliseconds> <reason>   refused
 
-Pressures are decimal, in the unit of the rig file, and stand in the order of its arms. With two arms a status
+Pressures are decimal, in the unit of the rig file, and follow the order of its arms. With two arms a status
 is `S <number> <milliseconds> <set left> <set right> <actual left> <actual right>`; a line with more or fewer
 pressures is not taken. Numbers count up, so that a repeated line is noticed; the milliseconds are the rig's
 clock. The checksum is the exclusive-or of the bytes before the star, two hex digits, as in NMEA 0183. A rig
