@@ -63,11 +63,27 @@ def has_come(run, entry, words):
     )
 
 
+def bring_to_pressure(run):
+    """Arm and command until the chambers have the working pressure.
+
+    A machine that starves the rig for longer than its time limit has the bridge vent, rightly: then once more.
+    """
+    for _ in range(3):
+        run.arm()
+        run.user.received["/diagnostics"].clear()
+        run.operator = [WORKING, WORKING]
+        run.user.until(
+            lambda: min(run.chambers()[:2]) > 0.9 * WORKING or has_come(run, "gate", "vented"), 10.0
+        )
+        if min(run.chambers()[:2]) > 0.9 * WORKING:
+            return
+        run.operator = None
+    raise AssertionError(f"the chambers stay below the working pressure: {run.seen()}")
+
+
 def break_and_watch(run, fault, value, entry, words):
     """Bring it to pressure, break it, and see what the operator sees and how soon it is vented."""
-    run.arm()
-    run.operator = [WORKING, WORKING]
-    run.user.until(lambda: min(run.chambers()[:2]) > 0.9 * WORKING, 10.0)
+    bring_to_pressure(run)
     run.user.received["/diagnostics"].clear()
     run.break_rig(fault, value)
     arm = slice(0, 2)
