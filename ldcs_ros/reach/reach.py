@@ -71,7 +71,8 @@ class Reached:
             range [m]. Near 0 there is no better point near, also where the target is out of reach.
         at_bounds: Variables that their bounds hold.
         sensitivity: Derivative of the targets' coordinates by the variables, shape (n_targets, n_variables).
-        lowest_eigenvalue: The square of the lowest angular frequency [1/s^2]; 0 or less on an unstable branch.
+        lowest_eigenvalue: The square of the lowest angular frequency [1/s^2]; negative on an unstable branch.
+        stable: Whether the rest state is stable.
         steps: Gauss-Newton steps.
         coordinates: Coordinates of the rest state [m, rad].
     """
@@ -83,14 +84,9 @@ class Reached:
     at_bounds: tuple[str, ...]
     sensitivity: np.ndarray
     lowest_eigenvalue: float
+    stable: bool
     steps: int
     coordinates: np.ndarray = field(repr=False)
-
-    @property
-    def stable(self) -> bool:
-        """Whether the rest state is stable."""
-        return self.lowest_eigenvalue > 0.0
-
 
 def reach(
     simulation: Simulation,
@@ -229,7 +225,7 @@ class _Problem:
         states = self._states
         names = [variable.name for variable in self._variables]
         held = [name for name, at in zip(names, fraction, strict=True) if at <= 0.0 or at >= 1.0]
-        position = states.position[self._rows]
+        position, stability = states.position[self._rows], states.stability()
         return Reached(
             dict(zip(names, states.values.tolist(), strict=True)),
             {target.name: float(x) for target, x in zip(self._targets, position, strict=True)},
@@ -237,7 +233,8 @@ class _Problem:
             self._optimality(residual, slope, fraction),
             tuple(held),
             states.slope[self._rows],
-            states.lowest_eigenvalue(),
+            stability.eigenvalue,
+            stability.is_stable,
             steps,
             states.q.copy(),
         )

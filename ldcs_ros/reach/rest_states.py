@@ -13,7 +13,7 @@ from ldcs_ros.simulation.command_directions import CommandDirection, OperatingPo
 from ldcs_ros.simulation.equilibrium import equilibrium
 from ldcs_ros.simulation.linear_model import stiffness_and_damping
 from ldcs_ros.simulation.sensitivity import positions
-from ldcs_ros.simulation.stability import stability
+from ldcs_ros.simulation.stability import Stability, stability
 
 # A chord step below it is rounding [m, rad].
 BALANCED = 1e-11
@@ -72,9 +72,9 @@ class RestStates:
             columns.append(positions(self._places, moved))
         return np.array(columns).T
 
-    def lowest_eigenvalue(self) -> float:
-        """Return the square of the lowest angular frequency [1/s^2]; 0 or less at an unstable equilibrium."""
-        return stability(self._model, self.q, self._time, self.held(self.values)).eigenvalue
+    def stability(self) -> Stability:
+        """Return the stability of the present rest state."""
+        return stability(self._model, self.q, self._time, self.held(self.values))
 
     def go_to(self, values: np.ndarray) -> None:
         """Move to the rest state under other values of the commands.
