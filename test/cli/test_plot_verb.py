@@ -59,3 +59,17 @@ def test_a_bad_time_is_refused(time, refused, bag):
 def test_a_folder_that_cannot_be_written_is_refused(refused, bag, tmp_path):
     (tmp_path / "file").write_text("")
     assert str(tmp_path / "file") in refused("plot", bag, "-o", tmp_path / "file")
+
+
+def test_modes_of_a_scene_are_a_table_and_a_picture(ldcs, scene_file, tmp_path):
+    outcome = ldcs("plot", scene_file, "--modes", "-o", tmp_path / "p", "--json")
+    found = json.loads(outcome.out)
+    assert outcome.status == 0 and found["files"] == [str(tmp_path / "p" / "modes.png")]
+    assert len(found["frequencies"]) == len(found["damping"]) and sorted(found["frequencies"])[0] > 0.0
+    with Image.open(found["files"][0]) as image:
+        assert image.width > 900 and len(image.getcolors(1 << 20)) > 20
+
+
+def test_what_draws_a_bag_does_not_go_with_modes(refused, scene_file, bag):
+    assert "--modes" in refused("plot", scene_file, "--modes", "--times", "0.1")
+    assert "--modes" in refused("plot", bag, "--set", "solver.accuracy=1e-4")

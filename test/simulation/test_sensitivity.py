@@ -141,6 +141,31 @@ def test_the_static_gain_of_the_linear_model_is_the_sensitivity(settled):
     np.testing.assert_allclose(gain[:, columns], found, rtol=1e-6, atol=1e-15)
 
 
+@pytest.mark.parametrize("frequency", [2.0, 8.0])
+def test_the_twin_answers_a_sine_as_the_linear_model_says(settled, frequency):
+    linear, period, amplitude = settled.linearize(), 0.005, 5e-3
+    twin = load_scene(CONTENT).build()
+    twin.settle()
+    start, last = twin.pose("P1")[0][2], round(2.0 / frequency / period)
+    times, moved = [], []
+    for k in range(round(0.5 / period) + last):
+        push = amplitude * np.sin(2.0 * np.pi * frequency * k * period)
+        twin.inputs.set_wrench("P1_aligned", force=(0.0, 0.0, push))
+        twin.advance_to((k + 1) * period)
+        times.append(twin.time)
+        moved.append(twin.pose("P1")[0][2] - start)
+    phase = 2.0 * np.pi * frequency * np.array(times[-last:])
+    waves = np.stack([np.sin(phase), np.cos(phase), np.ones(last)], axis=1)
+    fit = np.linalg.lstsq(waves, moved[-last:], rcond=None)[0]
+    answer = (fit[0] + 1j * fit[1]) / amplitude
+    row, column = linear.output_names.index("P1.z"), linear.input_names.index("wrench.P1.force.z")
+    s = 2j * np.pi * frequency
+    expected = linear.C[row] @ np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B[:, column])
+    # Held forces: their first harmonic is smaller and half a period late.
+    expected *= np.sinc(frequency * period) * np.exp(-0.5 * s * period)
+    assert abs(answer - expected) < 0.01 * abs(expected)
+
+
 def test_modes_are_those_of_a_mass_on_springs():
     # single_spring: 8 masses of 10 g on 4 + 4 springs in parallel move along x at sqrt(k / m).
     simulation = load_scene("single_spring").build()
