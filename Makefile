@@ -91,6 +91,11 @@ docs: setup  ## write docs/reference.md and the SROS2 policy anew from the table
 	@$(BIN)/python tools/make_reference.py
 	@$(BIN)/python tools/make_policy.py
 
+site: setup  ## build the site of the docs into out/site, check its links, and its search if a chromium is here
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/site.lock
+	@$(BIN)/python tools/make_site.py
+	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/docs/test_site.py
+
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh
 
@@ -119,4 +124,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site lock clean

@@ -39,7 +39,7 @@ class LinearModel:
         input_names: `pressure.left` [Pa], `torque.left_joint_1` [N m], `wrench.P1.force.z` [N].
         output_names: x, y, z of each named point in ldcs_base [m].
         frequencies: Natural frequencies without damping [Hz], rising; negative for an unstable direction, which
-            grows by exp(2 pi |f| t).
+            grows by `exp(2 pi |f| t)`.
         damping: Damping ratio of each mode by its own shape, shape (n_modes,).
         modes: Shape of each mode in all coordinates, shape (n_modes, n_coordinates); its largest displacement is 1 m.
     """

@@ -21,7 +21,7 @@ from ldcs_ros.signals.mapping import parse_mapping
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def first_cells(page, section=""):
@@ -124,7 +124,7 @@ def test_links_lead_somewhere(page):
 
 def test_the_readme_leads_to_every_page():
     targets = {target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", TEXT)}
-    assert {f"docs/{page.name}" for page in PAGES[1:]} <= targets
+    assert {page.relative_to(ROOT).as_posix() for page in PAGES[1:]} <= targets
 
 
 def test_pictures_are_small():
