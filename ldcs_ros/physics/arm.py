@@ -82,6 +82,23 @@ NO_ARMS = ArmTables(
 )
 
 
+def rib_weights(links: int, *, bisector: bool) -> np.ndarray:
+    """Return the fraction of each link's angle in the direction of each station's rib, shape (links + 1, links).
+
+    Args:
+        links: Number of links.
+        bisector: Ribs are perpendicular to the bisector of the links that meet there, not to the link that ends there.
+    """
+    weight = np.zeros((links + 1, links))
+    for s in range(1, links + 1):
+        weight[s, s - 1] = 1.0
+        if bisector and links > 1:
+            before, after = (s - 1, s) if s < links else (s - 2, s - 1)
+            weight[s] = 0.0
+            weight[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
+    return weight
+
+
 @compiled
 def fill_inertia(phi, arms, links, matrix):  # type: ignore[no-untyped-def]
     """Write the mass matrix of each arm, shape (n_arms, n, n) [kg m^2]; an unused link has the inertia 1."""

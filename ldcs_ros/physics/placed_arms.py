@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -36,6 +37,44 @@ class PlacedArm:
     def direction(self) -> np.ndarray:
         """Unit vector from base to tip in x and y, shape (2,)."""
         return np.array([self.end[0] - self.start[0], self.end[1] - self.start[1]]) / self.length
+
+    def check_ends(self, lattice: Lattice, which: str) -> None:
+        """Check that base and tip are two places on a lattice's sheet.
+
+        Args:
+            lattice: The lattice.
+            which: Words before the message that name the arm; '' where there is no list.
+
+        Raises:
+            ValueError: They are not.
+        """
+        for key, (x, y) in (("from", self.start), ("to", self.end)):
+            if not lattice.covers(x, y):
+                raise ValueError(f"{which}{key}: {lattice.outside(x, y)}")
+        if self.length <= 0.0:
+            raise ValueError(f"{which}from and to: got the same place, expected a line on the sheet")
+
+    def covered(
+        self, links: int, width: int, lattice: Lattice
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """Yield what the ribs of a straight arm cover: joint station, corners and their bilinear weights.
+
+        The order is station (base, then the end of each link), row (the line, then pairs to its right and left),
+        layer. Rows outside of the sheet are left out.
+
+        Args:
+            links: Number of links.
+            width: Rows on each side of the line.
+            lattice: The lattice.
+        """
+        dx, dy = self.direction
+        cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
+        across = [0, *(side * row for row in range(1, width + 1) for side in (-1, 1))]
+        for s, row, layer in product(range(links + 1), across, range(2)):
+            x = self.start[0] + (self.end[0] - self.start[0]) * s / links - dy * row * cell
+            y = self.start[1] + (self.end[1] - self.start[1]) * s / links + dx * row * cell
+            if lattice.covers(x, y):
+                yield s, *lattice.bilinear(layer, x, y)
 
     def check_holes(self, lattice: Lattice) -> None:
         """Check that the line crosses no hole of a lattice.

@@ -27,7 +27,7 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
 
     Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f, and h grows as the
     steps shrink. Far from the equilibrium it creeps like the damped sheet, and near it it is Newton's method. A
-    step moves no node by more than half a spacing.
+    step moves no node, and no end of a link against its joint, by more than half a spacing.
 
     Args:
         model: The model.
@@ -42,7 +42,7 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
     q, u = q.copy(), np.zeros_like(q)
     model.prescribe(time, q, u)
     u[:] = 0.0
-    reach = 0.5 * min(model.lattice.spacing)
+    reach, lever = 0.5 * min(model.lattice.spacing), _lever(model)
     h, before = FIRST_STEP, np.inf
     for _ in range(MOST_ITERATIONS):
         force = model.force(time, q, u, inputs)
@@ -50,7 +50,7 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
             move = h * h * system.factor(time, q, u, inputs, h).solve(force)
         except np.linalg.LinAlgError as error:
             raise DivergenceError(f"no rest state: {error}; check the scene's stiffness and loads") from error
-        largest = float(np.max(np.abs(move)))
+        largest = float(np.max(np.abs(move) * lever))
         if not np.isfinite(largest) or largest > reach:
             h = max(1e-6, h * (0.5 if not np.isfinite(largest) else max(0.1, 0.7 * np.sqrt(reach / largest))))
             if not np.isfinite(largest):
@@ -66,6 +66,14 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
         f"no rest state was found in {MOST_ITERATIONS} iterations, the last one still moved a node by {before:.2g} m; "
         f"is there an effect that holds the sheet (clamp, floor, driven_edges)? Simulate it in time instead"
     )
+
+
+def _lever(model: Model) -> np.ndarray:
+    """Return the length by which each free coordinate's change moves a place, shape (n_free,): 1, or a link [m]."""
+    lever = np.ones(model.n_coordinates)
+    if model.arms is not None:
+        model.arms.angles(lever)[:] = model.arms.link_length
+    return lever[model.free]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -374,11 +373,7 @@ class ArmsTerm(Term):
 def _check_shape(placed: PlacedArm, own: Arms, lattice: Lattice, *, listed: bool) -> None:
     # Which arm it is matters only where there is a list.
     which = f"arm {placed.name!r}: " if listed else ""
-    for key, (x, y) in (("from", placed.start), ("to", placed.end)):
-        if not lattice.covers(x, y):
-            raise ValueError(f"{which}{key}: {lattice.outside(x, y)}")
-    if placed.length <= 0.0:
-        raise ValueError(f"{which}from and to: got the same place, expected a line on the sheet")
+    placed.check_ends(lattice, which)
     link, thickness = placed.length / own.links, lattice.size[2]
     if own.rigid_base >= link:
         raise ValueError(
@@ -423,21 +418,9 @@ def _tables(
             start + own.rigid_base,
             own.backbone_height,
         )
-        ribs[k, : n + 1, :n] = _rib_weights(own)
+        ribs[k, : n + 1, :n] = arm.rib_weights(n, bisector=own.crosspiece == "bisector")
     couplings, nodes, weight = _couplings(placed, each, lattice)
     return ArmTables(records(arms), records(links), ribs, records(couplings), nodes, weight)
-
-
-def _rib_weights(own: Arms) -> np.ndarray:
-    links = own.links
-    rib_weight = np.zeros((links + 1, links))
-    for s in range(1, links + 1):
-        rib_weight[s, s - 1] = 1.0
-        if own.crosspiece == "bisector" and links > 1:
-            before, after = (s - 1, s) if s < links else (s - 2, s - 1)
-            rib_weight[s] = 0.0
-            rib_weight[s, [before, after]] = (0.5, 0.5) if s < links else (-0.5, 1.5)
-    return rib_weight
 
 
 def _couplings(
@@ -446,19 +429,11 @@ def _couplings(
     """Return one coupling for each arm, joint station, row under the arm and layer: `COUPLING`, nodes and weights."""
     rows, nodes, weight = [], [], []
     for k, (one, own) in enumerate(zip(placed, each, strict=True)):
-        dx, dy = one.direction
-        cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
-        across = [0, *(side * row for row in range(1, own.width + 1) for side in (-1, 1))]
-        for s, row, layer in product(range(own.links + 1), across, range(2)):
-            x = one.start[0] + (one.end[0] - one.start[0]) * s / own.links - dy * row * cell
-            y = one.start[1] + (one.end[1] - one.start[1]) * s / own.links + dx * row * cell
-            if not lattice.covers(x, y):
-                continue
-            corners, weights = lattice.bilinear(layer, x, y)
+        for station, corners, weights in one.covered(own.links, own.width, lattice):
             place = weights @ lattice.reference_position[corners]
-            lateral = dx * place[1] - dy * place[0]
+            lateral = one.direction[0] * place[1] - one.direction[1] * place[0]
             offset = place[2] - own.backbone_height
-            rows.append((k, s, offset, lateral, own.coupling_stiffness, own.coupling_damping))
+            rows.append((k, station, offset, lateral, own.coupling_stiffness, own.coupling_damping))
             nodes.append(corners)
             weight.append(weights)
     kept = corners_in_use(np.array(weight))
