@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ldcs_ros.signals.series import Series, resample_common
+from ldcs_ros.signals.series import Series, resample_common, without_spikes
 
 # Two recordings must overlap in at least this fraction of the shorter one.
 LEAST_OVERLAP = 0.5
@@ -24,6 +24,8 @@ EQUAL_RATIO = 0.1
 MOST_ALTERNATIVES = 4
 # Times of a channel that each offset is tried at.
 MOST_TIMES = 1000
+# An offset below this is none [s].
+RESOLUTION = 1e-5
 # Motion below this carries no information about time.
 STILL = {"m": 2e-4, "Pa": 1e3, "rad": 5e-3}
 
@@ -59,9 +61,13 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
 
     The criterion is the variance of the differences over that of the values. A coarse search covers all offsets that
     leave enough in common. A fine search around the best one also fits the size of each component, because a motion
-    that is too large is no error of a clock. A periodic motion has several equal minima: the smallest offset is used,
-    and the others are named.
+    that is too large is no error of a clock. Values that stand alone are left out. A periodic motion has several equal
+    minima: the smallest offset is used, and the others are named. An offset within its uncertainty is none.
     """
+    pairs = {
+        name: (without_spikes(a, STILL[a.unit]), without_spikes(b, STILL[b.unit]))
+        for name, (a, b) in pairs.items()
+    }
     moving = _informative(pairs)
     if not moving:
         return Offset(0.0, reason="nothing moves enough in both to estimate an offset: 0 is assumed")
@@ -89,10 +95,13 @@ def estimate_offset(pairs: dict[str, Pair]) -> Offset:
     for other in others:
         if all(abs(other - known) > 2.0 * step for known in (best, *alternatives)):
             alternatives.append(other)
+    uncertainty = _uncertainty(list(moving.values()), best)
+    if abs(best) <= max(RESOLUTION, uncertainty or 0.0):
+        best = 0.0
     return Offset(
         best,
         best,
-        _uncertainty(list(moving.values()), best),
+        uncertainty,
         rest,
         channels,
         tuple(alternatives[:MOST_ALTERNATIVES]),

@@ -23,7 +23,7 @@ from ldcs_ros.signals.signals import Signals, read_signals
 SURFACE = "surface"
 LEAST_SAMPLES = 5
 LEAST_COVERAGE = 0.8
-"""Samples, and fraction of the overlap that they cover, from which on a channel counts against limits."""
+"""Samples, and fraction of the overlap and of the nodes that they cover, from which on a channel counts."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,8 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
     surface = None
     if a.surface is not None and b.surface is not None:
         surface = field_difference(a.surface, b.surface, offset.value, side_length=length)
+    if surface is not None:
+        surface = replace(surface, coverage=coverage(surface.time, start, end))
     if not channels and surface is None:
         raise RecordingError(
             f"{recording_a.name} and {recording_b.name} have no channel in common at one time: "
@@ -119,8 +121,7 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
     comparison = Comparison(a, b, offset, channels, surface, length, options.relative, _only(a, b))
     if not options.tolerances:
         return comparison
-    problems = {name: words for name, channel in channels.items() if (words := uncounted(channel))}
-    checks = check(options.tolerances, _statistics(comparison), problems)
+    checks = check(options.tolerances, _statistics(comparison), uncounted(comparison))
     return replace(comparison, checks=tuple(checks))
 
 
@@ -136,13 +137,28 @@ def _overlap(a: Signals, b: Signals, pairs: dict[str, Pair], offset: float) -> t
     return float(start), float(end)
 
 
-def uncounted(channel: ChannelDifference) -> str:
-    """Return the reason for which a channel does not count against limits; '' if it counts."""
+def uncounted(comparison: Comparison) -> dict[str, str]:
+    """Return the channels that do not count against limits, each with the reason."""
+    found = {name: _too_little(channel) for name, channel in comparison.channels.items()}
+    if comparison.surface is not None:
+        found[SURFACE] = _too_little(comparison.surface) or _too_few_nodes(comparison.surface)
+    return {name: words for name, words in found.items() if words}
+
+
+def _too_little(channel: ChannelDifference | FieldDifference) -> str:
     if len(channel.time) >= LEAST_SAMPLES and channel.coverage >= LEAST_COVERAGE:
         return ""
     return (
         f"{len(channel.time)} samples over {100.0 * channel.coverage:.0f} % of the overlap do not count, "
         f"expected {LEAST_SAMPLES} or more over {100.0 * LEAST_COVERAGE:.0f} %"
+    )
+
+
+def _too_few_nodes(surface: FieldDifference) -> str:
+    if surface.measured >= LEAST_COVERAGE:
+        return ""
+    return (
+        f"{100.0 * surface.measured:.0f} % of the nodes do not count, expected {100.0 * LEAST_COVERAGE:.0f} %"
     )
 
 

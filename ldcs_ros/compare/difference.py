@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.schema.units import TIME_TOLERANCE
-from ldcs_ros.signals.series import GAP_PERIODS, Series, at_times, curve, resample_common
+from ldcs_ros.signals.series import GAP_PERIODS, Series, at_times, covered, curve, resample_common
 from ldcs_ros.signals.signals import surface_values
 from ldcs_ros.signals.tracks import SurfaceTrack
 
@@ -134,11 +134,13 @@ class FieldDifference:
 
     Attributes:
         time: Moments, on A's clock [s], shape (n,).
-        distance: Distances [m], shape (n, 2, nx, ny); NaN at nodes that a side did not measure throughout.
+        distance: Distances [m], shape (n, 2, nx, ny); NaN where a side did not measure.
         place: A's node positions at the worst moment [m], shape (2, nx, ny, 3).
         statistics: Statistics of all nodes at all moments; `end` is the RMS at the last moment.
         worst: Index of the moment with the largest distance.
         nodes: Nodes along x and y that were compared.
+        measured: Fraction of the distances that are known, 0 ... 1.
+        coverage: Fraction of the recordings' overlap that its moments cover without a gap, 0 ... 1.
     """
 
     time: np.ndarray
@@ -147,6 +149,8 @@ class FieldDifference:
     statistics: ErrorStatistics
     worst: int
     nodes: tuple[int, int]
+    measured: float
+    coverage: float = 1.0
 
     @property
     def rms_over_nodes(self) -> np.ndarray:
@@ -168,7 +172,8 @@ def field_difference(
     """Return the difference of two surfaces; None if they have no time in common.
 
     Lattices of different size are compared at the nodes of the coarser one; the finer one is interpolated in the
-    sheet. Between moments a cubic spline interpolates in time.
+    sheet. Between moments a cubic spline interpolates in time, or straight lines at nodes that B did not measure
+    throughout. Moments in a silence of B are left out.
     """
     ours, theirs = surface_values(a), surface_values(b)
     nodes = (min(a.nodes[0], b.nodes[0]), min(a.nodes[1], b.nodes[1]))
@@ -178,24 +183,34 @@ def field_difference(
         min(ours.time[-1], their_time[-1]) + TIME_TOLERANCE,
     )
     index = np.flatnonzero((ours.time >= start) & (ours.time <= end))
+    index = index[covered(their_time, ours.time[index])]
     if not len(index):
         return None
     index = index[np.unique(np.linspace(0, len(index) - 1, min(len(index), MOST_MOMENTS)).astype(int))]
     time = ours.time[index]
     place = _on_nodes(ours.value[index], nodes)
-    known = _on_nodes(theirs.value, nodes)
-    measured = np.isfinite(known).all(axis=(0, -1)) & np.isfinite(place).all(axis=(0, -1))
-    if not measured.any():
+    distance = np.linalg.norm(place - _at_moments(their_time, _on_nodes(theirs.value, nodes), time), axis=-1)
+    known = np.isfinite(distance)
+    seen = known.any(axis=(1, 2, 3))
+    if not seen.any():
         return None
-    known = np.where(measured[..., None], known, 0.0)
-    other = at_times(their_time, known, time, curve(their_time, known, smooth=True))
-    distance = np.where(measured, np.linalg.norm(place - other, axis=-1), np.nan)
+    time, place, distance, known = time[seen], place[seen], distance[seen], known[seen]
     worst = int(np.argmax(np.nanmax(distance, axis=(1, 2, 3))))
-    flat = distance[:, measured]
-    whole = statistics(flat.ravel(), np.repeat(time, flat.shape[1]), side_length)
-    last = float(np.sqrt(np.mean(flat[-1] ** 2)))
+    whole = statistics(distance[known], np.repeat(time, known.sum(axis=(1, 2, 3))), side_length)
+    last = float(np.sqrt(np.mean(distance[-1][known[-1]] ** 2)))
     summary = ErrorStatistics(whole.rms, whole.p95, whole.max, whole.mean, last, whole.normalised_rms)
-    return FieldDifference(time, distance, place[worst], summary, worst, nodes)
+    return FieldDifference(time, distance, place[worst], summary, worst, nodes, float(known.mean()))
+
+
+def _at_moments(known: np.ndarray, value: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return positions at some times, shape (n, 2, nx, ny, 3); NaN beside an unmeasured one."""
+    throughout = np.isfinite(value).all(axis=(0, -1))[..., None]
+    whole = np.where(throughout, value, 0.0)
+    smooth = at_times(known, whole, asked, curve(known, whole, smooth=True))
+    if throughout.all():
+        return smooth
+    straight = at_times(known, value, asked, curve(known, value, smooth=False))
+    return np.where(throughout, smooth, straight)
 
 
 def _on_nodes(value: np.ndarray, nodes: tuple[int, int]) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ldcs_ros.compare.alignment import Offset
 from ldcs_ros.compare.comparison import SURFACE, Comparison, uncounted
-from ldcs_ros.compare.difference import ChannelDifference, ErrorStatistics
+from ldcs_ros.compare.difference import ChannelDifference, ErrorStatistics, FieldDifference
 from ldcs_ros.compare.formatting import milliseconds, number, percent, unit
 
 REPORT = "compare.md"
@@ -77,9 +77,7 @@ def markdown(comparison: Comparison, pictures: Iterable[str]) -> str:
         for channel in comparison.channels.values()
         if channel.skipped
     ]
-    sparse = [
-        f"{name}: {words}" for name, channel in comparison.channels.items() if (words := uncounted(channel))
-    ]
+    sparse = [f"{name}: {words}" for name, words in uncounted(comparison).items()]
     notes = [*comparison.only, *skipped, *sparse, *warnings]
     if notes:
         lines += ["## Remarks", "", *(f"- {line}" for line in notes), ""]
@@ -117,6 +115,8 @@ def as_dict(comparison: Comparison, files: Iterable[str]) -> dict[str, Any]:
             "unit": "m",
             "nodes": list(surface.nodes),
             "moments": len(surface.time),
+            "coverage": surface.coverage,
+            "measured": surface.measured,
             "worst_time": float(surface.time[surface.worst]),
             "figures": asdict(surface.statistics),
         },
@@ -145,7 +145,10 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
         worst = max(joints, key=lambda channel: channel.overall.max)
         lines.append(("joints", f"the worst, {worst.name[6:]}: {_sentence(worst.overall, 'rad')}"))
     if comparison.surface is not None:
-        lines.append((SURFACE, _sentence(comparison.surface.statistics, "m")))
+        lines.append(
+            (SURFACE, f"{_sentence(comparison.surface.statistics, 'm')}, {_samples(comparison.surface)}")
+        )
+    lines += [("remark", one) for one in comparison.only]
     for side in (comparison.a, comparison.b):
         lines += [("remark", f"{side.name}: {remark}") for remark in side.warnings]
     for one in comparison.checks:
@@ -165,8 +168,11 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
     return lines
 
 
-def _samples(channel: ChannelDifference) -> str:
-    return f"{len(channel.time)} samples over {100.0 * channel.coverage:.0f} % of the overlap"
+def _samples(channel: ChannelDifference | FieldDifference) -> str:
+    words = f"{len(channel.time)} samples over {100.0 * channel.coverage:.0f} % of the overlap"
+    if isinstance(channel, FieldDifference) and channel.measured < 1.0:
+        words += f", {100.0 * channel.measured:.3g} % of the nodes"
+    return words
 
 
 def _sentence(found: ErrorStatistics, si: str) -> str:

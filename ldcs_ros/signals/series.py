@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -75,6 +75,33 @@ def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return time_kept[first], value_kept[first], len(time) - int(first.sum())
 
 
+# A value stands alone if it is so many usual distances from the median of it and its neighbours, twice as far as those.
+SPIKE = 8.0
+_NEIGHBOURS = 5
+
+
+def without_spikes(series: Series, least: float) -> Series:
+    """Return a series without the values that stand alone (Hampel's filter); the last ones at each end are kept.
+
+    Args:
+        series: A series.
+        least: Distance from the median of the neighbours up to which each value is kept.
+    """
+    if len(series.time) <= _NEIGHBOURS:
+        return series
+    windows = np.lib.stride_tricks.sliding_window_view
+    reach = _NEIGHBOURS // 2
+    apart = np.zeros_like(series.value)
+    around = np.median(windows(series.value, _NEIGHBOURS, axis=0), axis=-1)
+    apart[reach:-reach] = np.abs(series.value[reach:-reach] - around)
+    far = apart > np.maximum(least, SPIKE * np.median(apart, axis=0))
+    # Fast motion has such values close together.
+    padded = np.pad(apart, ((2 * reach, 2 * reach), (0, 0)))
+    second = np.sort(windows(padded, 4 * reach + 1, axis=0), axis=-1)[..., -2]
+    alone = (far & (apart > 2.0 * second)).any(axis=1)
+    return replace(series, time=series.time[~alone], value=series.value[~alone])
+
+
 # Nothing is interpolated across a silence of this many usual periods of a series.
 GAP_PERIODS = 5.0
 
@@ -100,7 +127,7 @@ def resample_common(
     if most is not None and len(index) > most:
         index = index[np.linspace(0, len(index) - 1, most).astype(int)]
     asked = lead.time[index] + shift
-    known = _covered(other.time, asked)
+    known = covered(other.time, asked)
     skipped = len(index) - int(known.sum())
     index, asked = index[known], asked[known]
     led, at = lead.value[index], at_times(other.time, other.value, asked, other.curve)
@@ -114,11 +141,12 @@ def reference_is_first(a: Series, b: Series) -> bool:
     return len(a.time) <= len(b.time)
 
 
-def _covered(known: np.ndarray, asked: np.ndarray) -> np.ndarray:
+def covered(known: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return which of the asked times [s] are in no silence of the known ones, shape (n,)."""
     if len(known) < 3:
         return np.ones(len(asked), dtype=bool)
     longest = GAP_PERIODS * float(np.median(np.diff(known)))
     right = np.clip(np.searchsorted(known, asked), 1, len(known) - 1)
     near = np.minimum(np.abs(asked - known[right - 1]), np.abs(asked - known[right])) <= TIME_TOLERANCE
-    covered: np.ndarray = near | (known[right] - known[right - 1] <= longest)
-    return covered
+    found: np.ndarray = near | (known[right] - known[right - 1] <= longest)
+    return found

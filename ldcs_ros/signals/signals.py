@@ -12,7 +12,7 @@ from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
 from ldcs_ros.signals.series import AXES, Series, clean
-from ldcs_ros.signals.topics import recorded_scene
+from ldcs_ros.signals.topics import find_topic, recorded_scene
 from ldcs_ros.signals.tracks import (
     CLOUD,
     JOINTS,
@@ -70,9 +70,10 @@ def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, me
     else:
         signals = _rig_signals(recording, name, mapping or guess_mapping(recording))
     if not signals.series and signals.surface is None:
+        found = f" ({'; '.join(signals.warnings)[:300]})" if signals.warnings else ""
         raise RecordingError(
-            f"{recording.name} holds no points, pressures, joints or nodes; name its topics in a mapping file, "
-            f"it has {sorted(recording.topics)}"
+            f"{recording.name} holds no points, pressures, joints or nodes{found}; "
+            f"name its topics in a mapping file, it has {sorted(recording.topics)}"
         )
     return signals
 
@@ -106,10 +107,7 @@ def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
             _add(
                 series, f"joint/{joint}", angle.time, angle.value[:, k : k + 1], ("",), "rad", True, warnings
             )
-    try:
-        surface = surface_track(recording)
-    except RecordingError:
-        surface = None
+    surface = _surface(recording, warnings)
     scene = recorded_scene(recording)
     length, title = (None, "") if scene is None else (scene.lattice.size[0], scene.title)
     # A wall clock is far from zero; a track then counts from the start of its recording.
@@ -144,7 +142,18 @@ def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
         if source.to.startswith("joint/"):
             axes, unit = ("",), "rad"
         _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, warnings)
-    return Signals(name, series, None, False, warnings=warnings)
+    return Signals(name, series, _surface(recording, warnings), False, warnings=warnings)
+
+
+def _surface(recording: Recording, warnings: list[str]) -> SurfaceTrack | None:
+    """Return the surface; None without one, with a warning if its clouds are no sheet."""
+    if find_topic(recording, "nodes", CLOUD) is None:
+        return None
+    try:
+        return surface_track(recording)
+    except RecordingError as error:
+        warnings.append(f"surface left out: {error}")
+        return None
 
 
 def _measured(

@@ -8,7 +8,7 @@ import pytest
 from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.alignment import estimate_offset
 from ldcs_ros.compare.comparison import Options, compare
-from ldcs_ros.signals.series import AXES, Series
+from ldcs_ros.signals.series import AXES, Series, without_spikes
 
 
 def lift(time):
@@ -51,6 +51,35 @@ def test_a_constant_difference_and_another_size_of_motion_do_not_shift_time():
     a, b = series(), series(0.2, noise=1e-4)
     biased = Series(b.time, 1.2 * b.value + [0.003, -0.002, 0.01], b.axes, b.unit, b.smooth)
     assert estimate_offset({"P1": (a, biased)}).value == pytest.approx(0.2, abs=2e-3)
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.137])
+def test_values_that_stand_alone_do_not_shift_time(ahead):
+    # Each 25th value misses the 20 mm by which all others are too high.
+    def swing(at, wrong):
+        height = 0.02 * np.sin(2.0 * np.pi * at)
+        high = np.where(np.arange(len(at)) % 25 == 0, 0.0, 0.02) if wrong else 0.0
+        return np.stack([0.0 * at, 0.0 * at, height + high], axis=1)
+
+    time = np.arange(0.0, 3.0, 0.02)
+    a = Series(time, swing(time, False), AXES, "m", False)
+    found = estimate_offset({"P1": (a, Series(time + ahead, swing(time, True), AXES, "m", False))})
+    assert found.value == pytest.approx(ahead, abs=1e-3 if ahead else 0.0)
+
+
+def test_fast_motion_is_no_value_that_stands_alone():
+    time = np.arange(0.0, 4.0, 0.02)
+    value = np.where(abs(time - 2.0) < 0.3, 0.02 * np.sin(80.0 * time), 0.0)[:, None] * np.ones(3)
+    burst = Series(time, value, AXES, "m", False)
+    assert len(without_spikes(burst, 2e-4).time) == len(time)
+    value[30] += 0.05
+    assert len(without_spikes(Series(time, value, AXES, "m", False), 2e-4).time) == len(time) - 1
+
+
+def test_an_offset_within_its_uncertainty_is_none():
+    values = [estimate_offset({"P1": (series(), series(noise=1e-3, rate=80.0, seed=k))}) for k in range(8)]
+    assert sum(found.value == 0.0 for found in values) >= 2
+    assert all(abs(found.value) < 4.0 * found.uncertainty for found in values)
 
 
 def test_stillness_says_nothing_about_time():
