@@ -28,6 +28,7 @@ ldcs validate
   ldcs validate --markdown"""
 
 EXIT_GROWN = 1
+RADIUS_ORIGIN = "the 115 mm are of the paper's simulation, not of its experiment"
 PROFILE = (0.20, 0.23, 0.25, 0.27, 0.30)  # N m/rad
 
 
@@ -60,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros import load_scene
     from ldcs_ros.validate import calibration, paper, tables, transient
     from ldcs_ros.validate.cases import all_cases
+    from ldcs_ros.validate.identifiability import STRUCTURES
     from ldcs_ros.validate.measure import RADIUS_METHOD
     from ldcs_ros.validate.parameters import CALIBRATED
 
@@ -78,8 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n\n".join(tables.as_markdown(rows) for _, rows in blocks))
         return EXIT_GROWN if grown else 0
     content = calibration.calibrated_content()
+    held_out = _held_out(content, quiet=quiet)
     motion = transient.simulate(load_scene(CALIBRATED))
     result = {**_plain(cases), "grown": grown, "radius_method": RADIUS_METHOD}
+    result["held_out_error_mm"] = held_out
+    result["structures_compared"] = len(STRUCTURES)
+    result["radius_origin"] = RADIUS_ORIGIN
     result["course"] = {
         "settled_after_s": motion.settling,
         "overshoot_mm": motion.overshoot,
@@ -117,6 +123,20 @@ def run(arguments: argparse.Namespace) -> int:
     for line in grown:
         print(f"ldcs: error: the calibrated twin got worse: {line}", file=sys.stderr)
     return EXIT_GROWN if grown else 0
+
+
+def _held_out(content: dict[str, Any], *, quiet: bool) -> dict[str, float]:
+    from ldcs_ros.validate import calibration
+
+    done = 0
+    with Progress(len(calibration.OBSERVATIONS), label="held out", unit="", quiet=quiet) as bar:
+
+        def step(name: str) -> None:
+            nonlocal done
+            bar.show(done)
+            done += 1
+
+        return calibration.held_out_errors(content, step)
 
 
 def _mechanics(arguments: argparse.Namespace) -> int:
@@ -217,7 +237,10 @@ def _print(blocks: Sequence[Block], result: dict[str, Any], motion: Transient, m
 
     for title, rows in blocks:
         print(f"{title}\n{tables.as_text(rows)}\n")
-    print(f"radius: {method}")
+    held_out = ", ".join(f"{name} {tables.signed(e, 2)}" for name, e in result["held_out_error_mm"].items())
+    print(f"held out: errors when a fit to the other four numbers predicts a number [mm]: {held_out}")
+    print(f"structures compared before the fit: {result['structures_compared']} (--calibrate fits them again)")
+    print(f"radius: {result['radius_origin']}; {method}")
     constant = result["course"]["time_constant_c_over_k_s"]
     print(
         f"time course: within 0.1 mm of rest after {motion.settling:.2f} s, {motion.overshoot:.1f} mm beyond it on the "

@@ -94,6 +94,8 @@ class Model:
         self.n_free_nodes = int(np.searchsorted(self.free, 3 * self.lattice.n_nodes))
         self.n_free_angles = len(self.free) - self.n_free_nodes
         self.mass = np.repeat(self.node_mass, 3)[self.free[: self.n_free_nodes]]
+        # Nodes of holes are left out of the free ones, but hold nothing.
+        self.is_unconstrained = self.n_free_nodes + len(self._cut_out) == 3 * self.lattice.n_nodes
         self.prescribing = tuple(term for term in self.terms if term.constrained_dofs().size)
         self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
 

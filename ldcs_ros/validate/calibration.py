@@ -6,7 +6,7 @@ here. One model gives P0 and P1, and all displacements have the same weight.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +36,7 @@ class Fit:
         values: Fitted values by path, SI.
         content: The scene with them.
         seen: Its `observe` [mm], shape (5,).
-        misfit: Sum of squares of (seen - target) / sigma.
+        misfit: Sum of squares of (seen - target) / sigma over all five.
         evaluations: Equilibria computed.
     """
 
@@ -97,6 +97,7 @@ def fit(
     parameters: Sequence[Parameter] = PARAMETERS,
     *,
     start: dict[str, float] | None = None,
+    without: str = "",
 ) -> Fit:
     """Fit parameters of a scene to the experiment: bounded least squares on equilibria.
 
@@ -104,7 +105,9 @@ def fit(
         content: The scene; parameters start at its values.
         parameters: Parameters to fit, between their bounds.
         start: Other starting values by path.
+        without: One of `OBSERVATIONS` that the fit leaves out; '' for none.
     """
+    used = np.array([name != without for name in OBSERVATIONS])
     begin = [(start or {}).get(p.path, present(content, p)) for p in parameters]
     low, high = [p.low for p in parameters], [p.high for p in parameters]
     scale = np.array([p.spread for p in parameters])
@@ -116,8 +119,8 @@ def fit(
         try:
             seen = observe(content, {p.path: v for p, v in zip(parameters, x, strict=True)})
         except LdcsError:
-            return np.full(len(OBSERVATIONS), 1e3)  # no such equilibrium: the step is taken back
-        missed: np.ndarray = (seen - target()) / sigma()
+            return np.full(np.count_nonzero(used), 1e3)  # no such equilibrium: the step is taken back
+        missed: np.ndarray = ((seen - target()) / sigma())[used]
         return missed
 
     found = least_squares(
@@ -137,6 +140,20 @@ def fit(
         float(np.sum(((seen - target()) / sigma()) ** 2)),
         count,
     )
+
+
+def held_out_errors(content: dict[str, Any], progress: Callable[[str], None]) -> dict[str, float]:
+    """Return the error of each of `OBSERVATIONS` [mm] as predicted by a fit to the other four, by name.
+
+    Args:
+        content: The scene; fits start at its values.
+        progress: Called with the name of each before its fit.
+    """
+    errors = {}
+    for index, name in enumerate(OBSERVATIONS):
+        progress(name)
+        errors[name] = float((fit(content, without=name).seen - target())[index])
+    return errors
 
 
 def slopes(content: dict[str, Any], parameters: Sequence[Parameter]) -> np.ndarray:

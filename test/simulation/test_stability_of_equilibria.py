@@ -64,3 +64,13 @@ def test_a_hanging_sheet_is_stable() -> None:
     found = load_scene("hanging_sheet").build().settle()
     assert found.is_stable
     assert found.eigenvalue > 0.0
+
+
+def test_a_sheet_with_a_hole_that_nothing_holds_is_unconstrained():
+    # Nodes of a hole are left out of the free ones, but hold nothing.
+    sheet = {"size": [0.14, 0.14, 0.01], "nodes": [7, 7], "mass": 0.16}
+    holed = sheet | {"holes": [{"circle": [0.07, 0.0, 0.03]}]}
+    springs, clamp = {"type": "springs"}, {"type": "clamp"}
+    for lattice in (sheet, holed):
+        assert load_scene({"lattice": lattice, "effects": [springs]}).build().model.is_unconstrained
+        assert not load_scene({"lattice": lattice, "effects": [springs, clamp]}).build().model.is_unconstrained

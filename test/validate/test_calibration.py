@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,9 @@ from ldcs_ros import load_scene
 from ldcs_ros.validate import calibration, identifiability, pictures, tables, transient
 from ldcs_ros.validate.measure import at_rest
 from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS, SENSOR_HEIGHT, present
+
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +45,19 @@ def test_fitting_again_from_elsewhere_comes_back_to_the_shipped_numbers(content)
         gap = abs(again.values[parameter.path] - present(content, parameter))
         assert gap < 0.5 * confidence.deviation[parameter.short], parameter.short
     assert np.abs(again.seen - calibration.target())[:4].max() < 0.6
+
+
+@pytest.mark.parametrize("name", ["P1 z", "r"])
+def test_the_pages_name_the_error_of_a_number_that_is_held_out(content, name):
+    index = calibration.OBSERVATIONS.index(name)
+    error = calibration.fit(content, without=name).seen[index] - calibration.target()[index]
+    readme, page = ((ROOT / path).read_text(encoding="utf-8") for path in ("README.md", "docs/validation.md"))
+    four, radius = re.search(r"error of\n(.*) mm \(P0 ux, P0 uz, P1 ux, P1 uz\);.*misses by (\S+) mm", readme).groups()
+    in_readme = [float(value) for value in re.findall(r"-?\d\.\d+", four)] + [float(radius)]
+    in_page = [float(value) for value in re.findall(r"(?:u[xz]|, r) (-?\d\.\d+) mm", page)]
+    for values in (in_readme, in_page):
+        assert values[index] == pytest.approx(error, abs=0.01 if index < 4 else 0.06)
+    assert f"{len(identifiability.STRUCTURES)} structures" in readme
 
 
 def test_a_sensor_at_half_the_thickness_sits_on_the_top_node(content):

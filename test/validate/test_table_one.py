@@ -11,7 +11,7 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
-from ldcs_ros.validate import cases, paper, tables
+from ldcs_ros.validate import calibration, cases, identifiability, paper, tables
 from ldcs_ros.validate.measure import at_rest, circle
 from ldcs_ros.validate.parameters import CALIBRATED
 
@@ -52,11 +52,14 @@ def test_an_error_that_grows_by_0_05_mm_is_told(calibrated):
 def test_validate_prints_one_json_object_and_the_readme_has_its_tables(capsys, monkeypatch, tmp_path):
     found = cases.all_cases()  # the searches take seconds: once for all that follows
     monkeypatch.setattr(cases, "all_cases", lambda progress: found)
+    held_out = dict(zip(calibration.OBSERVATIONS, (0.1, 0.2, 0.3, 0.4, 0.5), strict=True))
+    monkeypatch.setattr(calibration, "held_out_errors", lambda content, progress: held_out)
     assert main(["validate", "--json", "-o", str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["cases"]["printed axial"]["radius"] == pytest.approx(0.115, abs=1e-6)
     assert result["cases"]["printed axiswise"]["worst_mm"] > 50.0
     assert result["cases"]["calibrated"]["worst_mm"] < 0.6
+    assert result["held_out_error_mm"] == held_out
     assert sorted(Path(path).name for path in result["files"]) == ["course.png", "shape.png"]
     assert main(["validate", "--markdown"]) == 0
     printed = capsys.readouterr().out.strip()
@@ -70,6 +73,8 @@ def test_validate_prints_one_json_object_and_the_readme_has_its_tables(capsys, m
     assert main(["validate"]) == 1
     output = capsys.readouterr()
     assert "P0 uz" in output.err and "Table I" in output.out
+    assert "P1 z +0.40, r +0.50" in output.out and "of the paper's simulation" in output.out
+    assert f"structures compared before the fit: {len(identifiability.STRUCTURES)}" in output.out
 
 
 def test_the_calibrated_stiffness_gives_the_printed_modulus_in_a_tension_test():

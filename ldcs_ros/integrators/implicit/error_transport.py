@@ -66,7 +66,7 @@ class ErrorTransport:
 
     def __init__(self, system: LinearSystem) -> None:
         self._system, self._model = system, system.model
-        self._is_loose = self._model.n_free_nodes == 3 * self._model.lattice.n_nodes
+        self._is_loose = self._model.is_unconstrained
         self._no_spin = np.zeros((0, 3))
 
     def initial(self) -> ErrorState:

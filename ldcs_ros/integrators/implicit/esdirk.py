@@ -95,7 +95,7 @@ class Dirk(Integrator):
         self._inner_stages = [int(np.argmin(np.abs(self.tableau.c[1:] - s))) for s in INNER]
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
-        self._loose = self.model.n_free_nodes == 3 * self.model.lattice.n_nodes
+        self._loose = self.model.is_unconstrained
         self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
         self._contact_width = min(term.contact_width for term in self.model.terms)
 
