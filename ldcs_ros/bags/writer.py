@@ -110,6 +110,11 @@ class BagWriter:
         with self._condition:
             self._schemas.register(definitions)
 
+    def add_custom_data(self, texts: Mapping[str, str]) -> None:
+        """Add texts that are known at the end of a run: metadata.yaml holds them, the file's beginning does not."""
+        with self._condition:
+            self.custom_data |= _texts(texts)
+
     def write(self, topic: str, message_type: str, cdr: bytes | bytearray | memoryview, time_ns: int) -> None:
         """Queue a message; failures of the disk never raise here, see `error`.
 

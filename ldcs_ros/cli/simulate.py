@@ -189,7 +189,7 @@ def _report(
         "integrator": simulation.integrator.name,
         "accuracy": simulation.accuracy,
         "error_estimate": statistics.error_estimate,
-        "verified": arguments.verify,
+        "verified": twin.settings.verify,
         "lattice_error": _lattice_error(simulation.lattice),
         "settled": arguments.settle,
         "time": twin.time,

@@ -17,6 +17,7 @@ class Solver:
         integrator: A name of `INTEGRATORS`, or 'auto'.
         accuracy: Largest node position error asked for [m]; None with a fixed step.
         dt: Fixed step [s]; None with adaptive steps.
+        verify: A second solution at a tenth of the accuracy measures the error of a run.
 
     Raises:
         SceneError: A value is out of bounds, or an accuracy and a fixed step exclude each other.
@@ -25,6 +26,7 @@ class Solver:
     integrator: str = choice("auto", ("auto", *INTEGRATORS), "method; auto is the recommended one")
     accuracy: float | None = quantity(1.0e-5, "m", "largest node position error", low=1e-10, high=1e-2)
     dt: float | None = quantity(None, "s", "fixed step of a named integrator", low=1e-9, high=1.0)
+    verify: bool = False
 
     def __post_init__(self) -> None:
         names = ("auto", *INTEGRATORS)
@@ -39,6 +41,12 @@ class Solver:
         if self.dt is not None and (self.accuracy is not None or self.integrator == "auto"):
             raise SceneError(
                 "a fixed dt goes with a named integrator and without accuracy; drop one of them @ solver.dt"
+            )
+        if not isinstance(self.verify, bool):
+            raise SceneError(f"got {shown(self.verify)}, expected true or false @ solver.verify")
+        if self.verify and self.accuracy is None:
+            raise SceneError(
+                "a fixed step has no accuracy to verify; compare runs of two steps instead @ solver.verify"
             )
         fields = type(self).__dataclass_fields__
         for name in ("accuracy", "dt"):

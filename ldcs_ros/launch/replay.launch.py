@@ -82,6 +82,7 @@ def _parameters(run: RecordedRun) -> dict[str, Any]:
         "scene": str(scene),
         "seed": -1 if settings.seed is None else settings.seed,
         "accuracy": settings.accuracy or 0.0,
+        "verify": settings.verify,
         "publish_rate": settings.publish_rate,
         "tracker_rate": settings.tracker_rate or 0.0,
         "ambient_pressure": settings.ambient_pressure,

@@ -24,7 +24,7 @@ def complete_text(scene: Scene) -> str:
     if scene.sensors:
         content["sensors"] = scene.sensors
     solver = dataclasses.asdict(scene.solver)
-    content["solver"] = {key: value for key, value in solver.items() if value is not None}
+    content["solver"] = {key: value for key, value in solver.items() if value not in (None, False)}
     text = write_yaml(plain_values(content, origin=scene.name, error=SceneError))
     try:
         again = parse_scene(text, name=scene.name, origin=scene.name)

@@ -92,20 +92,22 @@ class Scene:
 
     def with_accuracy(self, accuracy: float) -> Scene:
         """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
-        return self.edited(solver={"integrator": self.solver.integrator, "accuracy": accuracy})
+        solver = {"integrator": self.solver.integrator, "accuracy": accuracy}
+        return self.edited(solver=solver | ({"verify": True} if self.solver.verify else {}))
 
     def build(self, *, verify: bool = False) -> Simulation:
         """Return a simulation of the scene at its start.
 
         Args:
-            verify: A second solution at a tenth of the accuracy measures the error as it goes.
+            verify: A second solution at a tenth of the accuracy measures the error as it goes; so it does if the
+                scene says `solver: {verify: true}`.
 
         Raises:
             SolverError: A fixed step has no accuracy to verify.
         """
         from ldcs_ros.simulation.simulation import Simulation
 
-        if verify:
+        if verify or self.solver.verify:
             from ldcs_ros.simulation.verification import FINER, VerifiedSimulation
 
             if self.solver.accuracy is None:

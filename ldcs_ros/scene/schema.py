@@ -260,7 +260,7 @@ def _tracked(block: object, lattice: Lattice, points: dict[str, Point], path: st
 
 
 def check_solver(value: object, path: str) -> Solver:
-    """Return the solver: {integrator, accuracy} or {integrator, dt}."""
-    block = CHECKS.keys(value, ("integrator", "accuracy", "dt"), path)
+    """Return the solver: {integrator, accuracy, verify} or {integrator, dt}."""
+    block = CHECKS.keys(value, ("integrator", "accuracy", "dt", "verify"), path)
     accuracy = block.get("accuracy", None if "dt" in block else Solver.accuracy)
-    return Solver(block.get("integrator", "auto"), accuracy, block.get("dt"))
+    return Solver(block.get("integrator", "auto"), accuracy, block.get("dt"), block.get("verify", False))

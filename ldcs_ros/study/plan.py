@@ -8,6 +8,7 @@ from ldcs_ros.scene import shipped_scenes
 from ldcs_ros.study.command_rates import SMOOTH
 from ldcs_ros.study.drive_profiles import DRIVEN
 from ldcs_ros.study.rows import BASELINE, Key, Task
+from ldcs_ros.study.verified_runs import ACCURACY, SCENES
 
 IMPLICIT = ("esdirk43", "trbdf2", "rosenbrock_w", "linearly_implicit_euler")
 ADAPTIVE = (*IMPLICIT, "rkc2")
@@ -49,6 +50,7 @@ def quick() -> list[Task]:
         *_baseline(33, (0.05, 0.02)),
         *_accuracy_checks(),
         Task("check", "arc", 9, "radau", "accuracy", 1e-7, 1),
+        *_verified(("arc", "paper")),
         Task("effect", "rig", 9, "esdirk43", "leave out", 0.0, weight=4.0),
         *_spatial((5, 9, 17, 33)),
         *_scaling((17, 33)),
@@ -72,6 +74,7 @@ def targets() -> list[Task]:
         *_scaling((17, 33, 65, 129)),
         *_rates((SMOOTH, 100.0, 1000.0)),
         *_accuracy_checks(),
+        *_verified(SCENES),
     ]
 
 
@@ -154,6 +157,10 @@ def _baseline(
 
 def _accuracy_checks() -> list[Task]:
     return [Task("accuracy", name, 0, "auto", "accuracy", 0.0, weight=3.0) for name in shipped_scenes()]
+
+
+def _verified(scenes: Iterable[str]) -> list[Task]:
+    return [Task("verified", name, 0, "auto", "accuracy", ACCURACY) for name in scenes]
 
 
 def _spatial(sizes: tuple[int, ...]) -> list[Task]:

@@ -18,6 +18,8 @@ from ldcs_ros.study.rows import METHODS_APART, Row
 from ldcs_ros.study.scaling import exponents, measured_sizes, peak_memory
 from ldcs_ros.study.spatial_convergence import errors_against_finest
 from ldcs_ros.study.targets import NAMES, targets
+from ldcs_ros.study.verified_runs import ACCURACY as VERIFIED_ACCURACY
+from ldcs_ros.study.verified_runs import LOOKS, verification_costs
 
 # Errors between rounding and coarseness: their slope is the order.
 ORDER_ERRORS = (3e-8, 1e-3)  # m
@@ -49,6 +51,7 @@ def report(rows: Sequence[Row], *, machine: dict[str, str], commands: Sequence[s
         "Time to reach an error": _costs,
         "Methods": methods,
         "Asked and real accuracy": _accuracy,
+        "Verified runs": _verified,
         "What effects cost": _effects,
         "Large lattices": _large_lattices,
         "Commands at a rate": command_rate_section,
@@ -134,6 +137,30 @@ def _accuracy(rows: Sequence[Row]) -> Iterator[str]:
         by = {row.value: row.error for row in made if row.scene == scene}
         lines.append((f"`{scene}`", *(f"{by[a] / a:.2f}" if a in by else "-" for a in ACCURACIES)))
     yield markdown_table(("scene", *(f"{a:.0e} m" for a in ACCURACIES)), lines)
+
+
+def _verified(rows: Sequence[Row]) -> Iterator[str]:
+    costs = verification_costs(rows)
+    if not costs:
+        return
+    yield (
+        f"A verified run (`ldcs simulate --verify`, `solver: {{verify: true}}`) has a second solution at a tenth of "
+        f"the accuracy beside the first and reports the measured distance. Asked: {VERIFIED_ACCURACY:.0e} m; both "
+        f"runs are measured in turns and looked at {LOOKS} times per simulated second."
+    )
+    head = ("scene", "plain [CPU ms per simulated second]", "verified", "ratio", "measured error", "plain estimate")
+    lines = [
+        (
+            f"`{one.scene}`",
+            f"{1e3 * one.plain:.3g}",
+            f"{1e3 * one.verified:.3g}",
+            f"{one.ratio:.2f}",
+            f"{one.measured:.1e} m",
+            f"{one.estimated:.1e} m",
+        )
+        for one in costs
+    ]
+    yield markdown_table(head, lines)
 
 
 def _effects(rows: Sequence[Row]) -> Iterator[str]:

@@ -29,7 +29,7 @@ class Row:
     Attributes:
         kind: 'curve' (a point of a work-precision diagram), 'accuracy' (asked against real accuracy), 'effect' (cost
             of an effect), 'spatial' (error of the lattice itself), 'scaling' (cost and memory by lattice size), 'rate'
-            (commands at a rate), 'check' (the reference against another solver).
+            (commands at a rate), 'verified' (cost of a verified run), 'check' (the reference against another solver).
         scene: Problem by name.
         nodes: Nodes along a side.
         method: Integrator, or a solver of another origin.

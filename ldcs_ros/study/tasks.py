@@ -30,6 +30,7 @@ MODULES = {
     "spatial": "spatial_convergence",
     "scaling": "scaling",
     "rate": "command_rates",
+    "verified": "verified_runs",
 }
 
 

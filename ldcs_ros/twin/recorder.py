@@ -45,6 +45,7 @@ class Recorder:
         self._first_folder = Path(folder)
         self._folder_of_scene = self._first_folder
         self._scenes = self._resets = 0
+        self._measured_error: float | None = None
         self._writer = self._open(self._first_folder)
 
     @property
@@ -64,6 +65,8 @@ class Recorder:
 
     def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
         """Record one message, if its topic is one that is recorded."""
+        if self._twin.settings.verify:
+            self._measured_error = self._twin.simulation.statistics.error_estimate
         name = self._names.get(topic)
         if name is not None:
             self._writer.write(name, message_type, cdr, time_ns)
@@ -74,7 +77,7 @@ class Recorder:
         Raises:
             RecordingError: The next bag cannot be opened; nothing is recorded any more.
         """
-        self._writer.close()
+        self.close()
         self._resets += 1
         folder = self._folder_of_scene
         self._writer = self._open(folder.with_name(f"{folder.name}_reset{self._resets}"))
@@ -85,7 +88,7 @@ class Recorder:
         Raises:
             RecordingError: The next bag cannot be opened; nothing is recorded any more.
         """
-        self._writer.close()
+        self.close()
         self._twin = twin
         self._scenes, self._resets = self._scenes + 1, 0
         first = self._first_folder
@@ -93,7 +96,10 @@ class Recorder:
         self._writer = self._open(self._folder_of_scene)
 
     def close(self) -> None:
-        """End the bag."""
+        """End the bag; the metadata of a verified run name its largest measured error, `measured_error` [m]."""
+        if self._measured_error is not None:
+            self._writer.add_custom_data({"measured_error": repr(self._measured_error)})
+            self._measured_error = None
         self._writer.close()
 
     def _open(self, folder: Path) -> BagWriter:

@@ -38,7 +38,7 @@ class RunSettings:
         frame_prefix: Prefix of the name of each frame.
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
-        verify: Measure the error by a second solution at a tenth of the accuracy.
+        verify: Measure the error by a second solution at a tenth of the accuracy; true also where the scene says so.
     """
 
     seed: int | None = _setting(None, int)

@@ -76,7 +76,8 @@ class Twin:
         diagnostics: bool = True,
     ) -> None:
         self.scene = scene
-        self.settings = settings or RunSettings()
+        asked_settings = settings or RunSettings()
+        self.settings = replace(asked_settings, verify=asked_settings.verify or scene.solver.verify)
         self.sinks = list(sinks)
         self.overruns = 0
         self.solver_report = SolverReport()

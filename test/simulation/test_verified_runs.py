@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
+from ldcs_ros.bags import read_bag
 from ldcs_ros.cli.main import main
-from ldcs_ros.errors import SolverError
+from ldcs_ros.errors import SceneError, SolverError
+from ldcs_ros.simulation.verification import VerifiedSimulation
+from ldcs_ros.twin.recorder import Recorder
+from ldcs_ros.twin.twin import Twin
 
 SCENE = {
     "lattice": {"size": [0.14, 0.14, 0.007], "nodes": [4, 3], "mass": 0.1},
@@ -77,3 +81,24 @@ def test_settling_keeps_both_solutions_together():
     simulation.settle()
     simulation.advance_to(simulation.time + 0.05)
     assert simulation.statistics.error_estimate < 1e-6
+
+
+def test_a_scene_may_ask_to_be_verified():
+    scene = load_scene({**SCENE, "solver": {"accuracy": 1e-4, "verify": True}})
+    assert isinstance(scene.build(), VerifiedSimulation)
+    assert isinstance(scene.with_accuracy(1e-5).build(), VerifiedSimulation)
+    with pytest.raises(SceneError, match=r"expected true or false @ .*solver.verify"):
+        load_scene({**SCENE, "solver": {"verify": "yes please"}})
+    with pytest.raises(SceneError, match="fixed step has no accuracy"):
+        load_scene({**SCENE, "solver": {"integrator": "trbdf2", "dt": 1e-3, "verify": True}})
+
+
+def test_a_bag_holds_the_measured_error(tmp_path):
+    twin = Twin(load_scene({**SCENE, "solver": {"accuracy": 1e-4, "verify": True}}))
+    recorder = Recorder(tmp_path / "bag", twin)
+    twin.sinks.append(recorder)
+    twin.advance_to(0.1)
+    measured = twin.simulation.statistics.error_estimate
+    recorder.close()
+    texts = read_bag(tmp_path / "bag").custom_data
+    assert texts["verify"] == "true" and float(texts["measured_error"]) == measured > 0.0

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ldcs_ros.errors import CommandError, DivergenceError
+from ldcs_ros.integrators.settings import Solver
 
 NODES = (3, 2)
 SPEED = 0.1  # m/s, upwards
@@ -115,6 +116,7 @@ class RailScene:
     diverges_at: float = float("inf")
     name: str = "rail"
     text: str = "title: rail\n"
+    solver: Solver = Solver()
 
     def build(self):
         return RailSimulation(self)

@@ -13,7 +13,6 @@ from ldcs_ros.validate import calibration, identifiability, pictures, tables, tr
 from ldcs_ros.validate.measure import at_rest
 from ldcs_ros.validate.parameters import CALIBRATED, PARAMETERS, SENSOR_HEIGHT, present
 
-
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -85,6 +85,11 @@ _ALL = (
         off=0.0,
     ),
     _at_configure(
+        "verify",
+        False,
+        "Measure the error by a second solution at a tenth of the accuracy, for solver_status and bags.",
+    ),
+    _at_configure(
         "ambient_pressure", 101325.0, "Absolute pressure of the air, added to gauge pressures [Pa].", 0.0, 2e5
     ),
     NodeParameter("autostart", True, "Configure and activate the node at its start."),

@@ -243,6 +243,7 @@ class SimulationNode(ParameterNode, LifecycleNode):
             publish_tf=self.value("publish_tf") and installed()["tf2_msgs"],
             frame_prefix=self.value("frame_prefix"),
             full_precision=self.value("record_detail"),
+            verify=self.value("verify"),
         )
         twin = Twin(
             scene,
