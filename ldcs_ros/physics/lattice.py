@@ -29,7 +29,8 @@ class Lattice:
         size: Length along x, width along y, distance between the layers [m].
         nodes: Number of nodes along x and y.
         mass: Mass of the whole sheet before holes are cut and regions are applied [kg].
-        mass_by_area: Distribute the mass by the area of each node; otherwise equally, as the paper does.
+        mass_by_area: Distribute the mass by the area of each node and its thickness; otherwise equally, as the
+            paper does.
         holes: Shapes whose inside is cut out; nodes on their outline stay if they have a whole cell.
         regions: Parts with factors on stiffness, damping, mass and thickness.
     """
@@ -87,11 +88,12 @@ class Lattice:
     def node_mass(self) -> np.ndarray:
         """Mass of each node [kg], shape (n_nodes,)."""
         if self.mass_by_area:
-            mass = self.mass * self.node_area / self.node_area.sum() * self._node_factor("whole")
+            mass = self.mass * self.node_area / self.node_area.sum()
+            mass *= self._node_factor("whole", "thickness", "mass")
         else:
             mass = np.full(self.n_nodes, self.mass / self.n_nodes)
-        if self.regions:
-            mass *= self._node_factor("mass")
+            if self.regions:
+                mass *= self._node_factor("mass")
         mass[self.missing] = 0.0
         return mass
 
@@ -219,22 +221,28 @@ class Lattice:
         """Return the factor of each spring by the cells that it belongs to, shape (n_springs,).
 
         Args:
-            quantity: stiffness or damping of the regions; whole for the fraction of the cells that no hole cuts.
+            quantity: A factor of the regions: stiffness or damping.
         """
-        if not (self.holes if quantity == "whole" else self.regions):
-            return np.ones(len(self.springs))
-        cells = self._cell_factor(quantity)
+        return self.mean_of_cells(self.cell_factor(quantity))
+
+    def mean_of_cells(self, cells: np.ndarray) -> np.ndarray:
+        """Return the mean of cell values, shape (nx - 1, ny - 1), over the cells of each spring, shape (n_springs,)."""
         place = np.stack(np.unravel_index(self.springs, (2, *self.nodes)), axis=-1)[..., 1:]
         # A spring belongs to the cells that have both of its ends: one, two along a line of nodes, or four.
         first, last = place.max(axis=1) - 1, place.min(axis=1)
-        return np.array([_mean_of_cells(cells, a, b) for a, b in zip(first, last, strict=True)])
+        return _mean_of_cells(cells, first, last)
 
-    def _node_factor(self, quantity: str) -> np.ndarray:
-        cells = self._cell_factor(quantity)
+    def _node_factor(self, *quantities: str) -> np.ndarray:
+        cells = np.prod([self.cell_factor(quantity) for quantity in quantities], axis=0)
         node = np.stack(np.meshgrid(*map(np.arange, self.nodes), indexing="ij"), axis=-1).reshape(-1, 2)
-        return np.tile([_mean_of_cells(cells, place - 1, place) for place in node], 2)
+        return np.tile(_mean_of_cells(cells, node - 1, node), 2)
 
-    def _cell_factor(self, quantity: str) -> np.ndarray:
+    def cell_factor(self, quantity: str) -> np.ndarray:
+        """Return the factor of each cell, shape (nx - 1, ny - 1).
+
+        Args:
+            quantity: A factor of the regions; whole for 1 where no hole cuts the cell, 0 where one does.
+        """
         if quantity == "whole":
             whole = self._whole_cells
             return np.ones((self.nodes[0] - 1, self.nodes[1] - 1)) if whole is None else whole.astype(float)
@@ -261,9 +269,10 @@ def _cell(fraction: float, n: int) -> tuple[int, int, float]:
     return before, min(before + 1, n - 1), cell - before
 
 
-def _mean_of_cells(cells: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
-    (i, j), (k, m) = np.maximum(first, 0), np.minimum(last, np.array(cells.shape) - 1)
-    return float(cells[i : k + 1, j : m + 1].mean())
+def _mean_of_cells(cells: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    # First and last are the same cell or neighbours in each direction, shape (n, 2); those outside do not count.
+    (i, j), (k, m) = np.maximum(first, 0).T, np.minimum(last, np.array(cells.shape) - 1).T
+    return np.asarray(0.25 * ((cells[i, j] + cells[i, m]) + (cells[k, j] + cells[k, m])))
 
 
 def _check_in_one_piece(kept: np.ndarray) -> None:

@@ -26,7 +26,8 @@ Their k grow like (t / dx)^2: the two families need different scaling.
 Central springs tie the stiffness in plane shear to C12. The springs inside the layers have it right for v = 1/3.
 Those between raise it to 1.3 times that of an isotropic sheet for v = 1/3, and to 2.4 times for v = 1/2.
 Springs on a free edge, also that of a hole, belong to half a cell and have half the stiffness; masses follow the
-node's area.
+node's area. Where a region has a factor on the thickness, t is that of each cell: membrane stiffness and mass grow
+like t, bending stiffness like t^3. Factors on stiffness and mass multiply what the thickness gives.
 """
 
 from __future__ import annotations
@@ -70,14 +71,31 @@ class Material:
         """Return the mass of a sheet of a size [kg]."""
         return self.density * size[0] * size[1] * size[2]
 
-    def stiffness(self, lattice: Lattice) -> np.ndarray:
+    def stiffness(self, lattice: Lattice, quantity: str = "stiffness") -> np.ndarray:
         """Return the stiffness of each spring of a lattice [N/m], shape (n_springs,).
+
+        Args:
+            lattice: The lattice.
+            quantity: Factor of the regions that scales it: stiffness, or damping for that of the dampers.
 
         Raises:
             ValueError: The cells are too far from square for this Poisson's ratio.
         """
+        scale, factors = (
+            lattice.cell_factor("whole") * lattice.cell_factor(quantity),
+            lattice.cell_factor("thickness"),
+        )
+        stiffness = np.zeros(len(lattice.springs))
+        for factor in np.unique(factors):
+            # Cells of one thickness at a time; a spring on their border has its part of both sides.
+            cells = lattice.mean_of_cells(scale * (factors == factor))
+            stiffness += self._uniform(lattice, factor * lattice.size[2]) * cells
+        return stiffness
+
+    def _uniform(self, lattice: Lattice, thickness: float) -> np.ndarray:
+        """Return the stiffness of each spring in a sheet of one thickness [m] without holes, shape (n_springs,)."""
         nx, ny = lattice.nodes
-        (dx, dy), thickness = lattice.spacing, lattice.size[2]
+        dx, dy = lattice.spacing
         place = np.stack(np.unravel_index(lattice.springs, (2, nx, ny)), axis=-1)
         between, along_x, along_y = np.abs(place[:, 1] - place[:, 0]).T.astype(bool)
         at_side = np.isin(place[:, 0, 2], (0, ny - 1)) & np.isin(place[:, 1, 2], (0, ny - 1))
@@ -102,7 +120,7 @@ class Material:
                 stiffness[between & ~along_x & ~along_y] = weights[3] * dx * dy / height**2
         stiffness[at_side & ~along_y] *= 0.5
         stiffness[at_end & ~along_x] *= 0.5
-        return stiffness * lattice.spring_factor("whole")
+        return stiffness
 
     def _weights(self, c11: float, dx: float, dy: float, height: float) -> tuple[float, float, float, float]:
         # w_x, w_y, w_d and w_z of the module's formulas for a family that carries C11.

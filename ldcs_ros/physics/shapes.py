@@ -81,7 +81,7 @@ class SheetRegion:
         stiffness: Factor of the springs' stiffness.
         damping: Factor of the dampers' coefficient.
         mass: Factor of the nodes' mass.
-        thickness: Factor of the distance between the layers.
+        thickness: Factor of the distance between the layers; a material's stiffness and mass follow it.
     """
 
     shape: PlaneShape

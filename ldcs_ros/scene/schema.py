@@ -57,7 +57,7 @@ def check_lattice(value: object, material: Material | None, path: str) -> Lattic
         for k, hole in enumerate(CHECKS.items(block.get("holes", []), f"{path}.holes"))
     )
     regions = tuple(
-        _check_region(region, material, f"{path}.regions[{k}]")
+        _check_region(region, f"{path}.regions[{k}]")
         for k, region in enumerate(CHECKS.items(block.get("regions", []), f"{path}.regions"))
     )
     if material:
@@ -96,7 +96,7 @@ def _check_shape(value: object, more: tuple[str, ...], path: str) -> PlaneShape:
     return Polygon(tuple((x, y) for x, y in corners))
 
 
-def _check_region(value: object, material: Material | None, path: str) -> SheetRegion:
+def _check_region(value: object, path: str) -> SheetRegion:
     """Return a region: a shape and factors."""
     factors = ("stiffness", "damping", "mass", "thickness")
     shape = _check_shape(value, factors, path)
@@ -108,10 +108,6 @@ def _check_region(value: object, material: Material | None, path: str) -> SheetR
     }
     if not given:
         CHECKS.refuse(value, f"a factor out of {list(factors)}", path)
-    if material and "thickness" in given:
-        raise SceneError(
-            f"got a thickness beside a material, expected stiffness and mass of the thicker part @ {path}.thickness"
-        )
     return SheetRegion(shape, **given)
 
 

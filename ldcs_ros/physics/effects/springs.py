@@ -57,10 +57,9 @@ class Springs(Effect):
         if self.law == "axial":
             if material is None:
                 return self._relaxing(AxialTerm(lattice, *self._of_each(lattice)))
-            stiffness, relaxation_time = material.stiffness(lattice), material.relaxation_time
-            damping = relaxation_time * stiffness * lattice.spring_factor("damping")
-            term = AxialTerm(lattice, stiffness * lattice.spring_factor("stiffness"), damping)
-            term.relaxation_time = relaxation_time
+            damping = material.relaxation_time * material.stiffness(lattice, "damping")
+            term = AxialTerm(lattice, material.stiffness(lattice), damping)
+            term.relaxation_time = material.relaxation_time
             return term
         if self.law == "axiswise":
             return AxiswiseTerm(lattice, *self._of_each(lattice))
