@@ -21,6 +21,7 @@ from ldcs_ros.plotting.style import (
 from ldcs_ros.signals.tracks import Track
 
 KPA = 1e-3
+_PRESSURE = "gauge pressure [kPa]"
 KEY_ROWS = 14
 DASHES: tuple[str | tuple[int, tuple[int, ...]], ...] = ("solid", (0, (3, 2)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 
@@ -29,28 +30,31 @@ def drives_figure(
     pressures: Mapping[str, Track],
     joints: tuple[tuple[str, ...], Track, Track] | None,
     *,
+    commanded: Mapping[str, Track] | None = None,
     title: str,
     style: FigureStyle = SCREEN,
 ) -> Figure | None:
     """Draw pressures, joint torques and joint angles, a panel each; None for a sheet without drives.
 
     Args:
-        pressures: Absolute pressures [Pa], shape (n,), by arm.
+        pressures: Measured gauge pressures [Pa], shape (n,), by arm.
         joints: Joint names, angles [rad] and torques [N m], shape (n, n_joints) each.
+        commanded: Commanded gauge pressures [Pa] by arm, as the corners of their steps; drawn thin.
         title: Heading of the figure.
         style: Sizes.
     """
     panels: list[tuple[str, dict[str, Track]]] = []
     if pressures:
-        scaled = {name: Track(track.time, KPA * track.value) for name, track in pressures.items()}
-        panels.append(("pressure [kPa abs.]", scaled))
+        panels.append((_PRESSURE, _in_kpa(pressures)))
     if joints:
         names, angle, torque = joints
         panels.append(("drive torque [N m]", _columns(names, torque, 1.0)))
         panels.append(("joint angle [deg]", _columns(names, angle, float(np.rad2deg(1.0)))))
     if not panels:
         return None
-    merged = [[(group, _label(group, lines), track) for group, track in _merged(lines)] for _, lines in panels]
+    merged = [
+        [(group, _label(group, lines), track) for group, track in _merged(lines)] for _, lines in panels
+    ]
     key_columns = max(math.ceil(len(groups) / KEY_ROWS) for groups in merged)
     longest = max(len(label) for groups in merged for _, label, _ in groups)
     figure, grid = stacked_axes(
@@ -71,10 +75,15 @@ def drives_figure(
                 linewidth=1.6 * style.scale,
                 **_line_style(group[0], lines),
             )
+        if label == _PRESSURE and commanded:
+            asked = _in_kpa(commanded)
+            for group, track in _merged(asked):
+                look = _line_style(group[0], lines if group[0] in lines else asked)
+                name = f"{_label(group, asked)}, commanded"
+                axes.plot(track.time, track.value, label=name, linewidth=0.7 * style.scale, alpha=0.7, **look)
         style_axes(axes, x_label="time [s]" if axes is grid[-1] else "", y_label=label, style=style)
         axes.margins(x=0.0, y=0.1)
-        if not label.startswith("pressure"):
-            axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
+        axes.axhline(0.0, color=SOFT_INK, linewidth=0.6, zorder=1)
         axes.legend(
             loc="center left",
             bbox_to_anchor=(1.01, 0.5),
@@ -86,6 +95,10 @@ def drives_figure(
         )
     add_title(figure, title, style=style)
     return figure
+
+
+def _in_kpa(pressures: Mapping[str, Track]) -> dict[str, Track]:
+    return {name: Track(track.time, KPA * track.value) for name, track in pressures.items()}
 
 
 def _columns(names: tuple[str, ...], track: Track, factor: float) -> dict[str, Track]:
@@ -128,9 +141,13 @@ def _range(joints: list[str]) -> str:
 
 
 def _line_style(name: str, lines: Mapping[str, Track]) -> dict[str, Any]:
-    # A colour for each joint and dashes for each arm, so that nearly equal arms all show.
+    # A colour for each joint and dashes for each arm, so that nearly equal arms all show; without joints a colour for
+    # each arm.
     arms, joints = (list(dict.fromkeys(_arm_and_joint(one)[part] for one in lines)) for part in (0, 1))
     arm, joint = _arm_and_joint(name)
+    if not joint:
+        turn, colour = divmod(arms.index(arm), len(LINE_COLOURS))
+        return {"color": LINE_COLOURS[colour], "linestyle": DASHES[turn % len(DASHES)]}
     return {
         "color": LINE_COLOURS[joints.index(joint) % len(LINE_COLOURS)],
         "linestyle": DASHES[arms.index(arm) % len(DASHES)],

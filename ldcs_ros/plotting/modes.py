@@ -54,12 +54,19 @@ def modes_figure(
     size = np.nanmax(np.ptp(annotations.rest.reshape(-1, 3), axis=0))
     shapes = [_FRACTION * size * _nodal(linear, k, rest.shape) for k in range(count)]
     # Displacements count from the rest state, not from the flat sheet.
-    around = Annotations(annotations.title, rest, annotations.point_rest, annotations.driven, annotations.loads)
+    around = Annotations(
+        annotations.title, rest, annotations.point_rest, annotations.driven, annotations.loads
+    )
     frame = common_frame([rest + shape for shape in shapes], rest)
     for k, shape in enumerate(shapes):
         row, column = divmod(k, _COLUMNS)
         bottom = foot + (rows - row - 1) * height
-        box = (column * width / whole_width, bottom / whole_height, width / whole_width, height / whole_height)
+        box = (
+            column * width / whole_width,
+            bottom / whole_height,
+            width / whole_width,
+            height / whole_height,
+        )
         axes = new_axes_3d(figure, box)
         axes.patch.set_visible(False)
         draw_surface(axes, rest + shape, around, frame, large=False, style=style)

@@ -16,6 +16,8 @@ from ldcs_ros.plotting.motion import check_kind, save_motion
 from ldcs_ros.plotting.points import points_figure
 from ldcs_ros.plotting.style import SCREEN, FigureStyle, save_figure
 from ldcs_ros.plotting.surface import surface_figure
+from ldcs_ros.signals.commanded import commanded_pressures
+from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.signals.tracks import (
     SurfaceTrack,
     joint_tracks,
@@ -72,8 +74,13 @@ def draw(
     if truth or measured:
         figure = points_figure(truth, measured, annotations.point_rest, title=annotations.title, style=style)
         written.append(save(figure, "points"))
+    commanded = commanded_pressures(recording, recorded_scene(recording), float(track.time[-1]))
     drives = drives_figure(
-        pressure_tracks(recording), joint_tracks(recording), title=annotations.title, style=style
+        pressure_tracks(recording),
+        joint_tracks(recording),
+        commanded=commanded,
+        title=annotations.title,
+        style=style,
     )
     if drives is not None:
         written.append(save(drives, "drives"))

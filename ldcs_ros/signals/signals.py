@@ -8,7 +8,6 @@ import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError
-from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
 from ldcs_ros.signals.series import AXES, Series, clean
@@ -79,7 +78,6 @@ def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, me
 
 
 def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
-    said = recording.custom_data
     recording.load([topic for topic, info in recording.topics.items() if info.type in _READ])
     warnings: list[str] = []
     series: dict[str, Series] = {}
@@ -88,13 +86,12 @@ def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
     for point, track in points.items():
         smooth = point in truth and not (measured and point in reported)
         _add(series, point, track.time, track.value, AXES, "m", smooth, warnings)
-    ambient = float(said.get("ambient_pressure", STANDARD_ATMOSPHERE))
     for arm, track in pressure_tracks(recording).items():
         _add(
             series,
             f"{arm}/pressure",
             track.time,
-            track.value[:, None] - ambient,
+            track.value[:, None],
             ("",),
             "Pa",
             False,

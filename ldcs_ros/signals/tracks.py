@@ -16,6 +16,7 @@ from ldcs_ros.messages.display.markers import DrawableState
 from ldcs_ros.messages.message_types import PointCloudMessage, StampedMessage, WrenchStampedMessage
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.scene import Scene
+from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals.topics import find_topic, find_topics
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -193,13 +194,17 @@ def joint_tracks(recording: Recording) -> tuple[tuple[str, ...], Track, Track] |
 
 
 def pressure_tracks(recording: Recording) -> dict[str, Track]:
-    """Return the measured absolute pressures [Pa], shape (n,), by arm name."""
+    """Return the measured gauge pressures [Pa], shape (n,), by arm name.
+
+    FluidPressure is absolute by its definition; a bag names the pressure of its surrounding air.
+    """
+    ambient = float(recording.custom_data.get("ambient_pressure", STANDARD_ATMOSPHERE))
     tracks: dict[str, Track] = {}
     for topic in find_topics(recording, "pressure", PRESSURE):
         parts = topic.strip("/").split("/")
         if len(parts) > 1 and parts[-2] not in tracks:
             messages = list(recording.channels[topic].messages)
-            value = np.array([m.fluid_pressure for m in messages])
+            value = np.array([m.fluid_pressure for m in messages]) - ambient
             tracks[parts[-2]] = Track(_stamps(recording, topic, messages), value)
     return tracks
 

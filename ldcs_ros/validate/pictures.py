@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ldcs_ros.plotting.annotations import annotations_of_scene
+from ldcs_ros.plotting.axes3d import new_axes_3d
 from ldcs_ros.plotting.style import (
     AXIS_COLOURS,
     INK,
@@ -22,7 +23,7 @@ from ldcs_ros.plotting.style import (
     save_figure,
     style_axes,
 )
-from ldcs_ros.plotting.surface import common_frame, draw_surface
+from ldcs_ros.plotting.surface import add_displacement_key, common_frame, draw_surface
 from ldcs_ros.validate import paper
 from ldcs_ros.validate.identifiability import Sensitivity
 from ldcs_ros.validate.measure import Rest
@@ -41,14 +42,14 @@ def shape_figure(rest: Rest, title: str) -> Figure:
     annotations = annotations_of_scene(scene, title=title)
     position = rest.position.reshape(2, *scene.lattice.nodes, 3)
     frame = common_frame([position], annotations.rest)
-    figure = new_figure(9.6, 4.6)
+    figure = new_figure(9.6, 4.0)
     for number, (letter, elevation, azimuth) in enumerate(VIEWS):
-        axes = figure.add_axes(
-            (0.02 + 0.49 * number, 0.0, 0.47, 0.92), projection="3d", computed_zorder=False
-        )
+        axes = new_axes_3d(figure, (0.01 + 0.45 * number, -0.04, 0.46, 1.06))
+        axes.patch.set_visible(False)
         draw_surface(axes, position, annotations, frame, large=False)
-        axes.view_init(elev=elevation, azim=azimuth)  # type: ignore[attr-defined]
-        axes.text2D(0.04, 0.9, letter, transform=axes.transAxes, color=INK, fontsize=LABEL_SIZE + 2)  # type: ignore[attr-defined]
+        axes.view_init(elev=elevation, azim=azimuth)
+        axes.text2D(0.06, 0.8, letter, transform=axes.transAxes, color=INK, fontsize=LABEL_SIZE + 2)
+    add_displacement_key(figure, figure.add_axes((0.93, 0.2, 0.012, 0.5)), frame)
     note = f"at rest; edges at r = {1e3 * rest.radius:.1f} mm (paper: 115 mm); compare the paper's Figure 5"
     add_title(figure, title, note)
     return figure

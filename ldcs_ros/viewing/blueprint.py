@@ -65,9 +65,10 @@ def _sheet(rrb: ModuleType, points: Iterable[str], length: float) -> object:
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     floor = rerun().components.Plane3D.XY.with_distance(-0.25 * length)
+    half = 500.0 * length  # the scale of `colours.of_height`
     return rrb.Spatial3DView(
         origin="/",
-        name="surface, coloured by height",
+        name=f"surface by height: violet {-half:.0f} mm, teal 0, yellow {half:+.0f} mm",
         contents=[f"+ /{one}/**" for one in (SURFACE, ARMS, LOADS, POINTS, TRACES)],
         background=rrb.Background(color=_PAPER),
         line_grid=rrb.LineGrid3D(visible=True, spacing=_GRID, color=_GREY, stroke_width=0.6, plane=floor),

@@ -150,7 +150,7 @@ def _write_curves(
                 moved = MM * (tracks[name].value - origin)
                 rerun_scene.curves(f"{plot}: displacement [mm]", _AXES, tracks[name].time, moved, dots=dots)
     for arm, track in _cut(pressure_tracks(recording), until).items():
-        rerun_scene.curves("pressure [kPa, absolute]", [arm], track.time, KPA * track.value[:, None])
+        rerun_scene.curves("gauge pressure [kPa]", [arm], track.time, KPA * track.value[:, None])
     joints = joint_tracks(recording)
     if joints is not None:
         names, angle, torque = joints

@@ -9,6 +9,7 @@ import numpy as np
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.display.marker import specs_of
 from ldcs_ros.messages.message_types import StampedMessage
+from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals.tracks import CLOUD, JOINTS, POSE, PRESSURE, cloud_nodes, cloud_positions
 from ldcs_ros.viewing.blueprint import blueprint
 from ldcs_ros.viewing.rerun_package import Stream
@@ -63,7 +64,7 @@ class LiveViewer:
             place = message.pose.position
             self._add(topic, time, [place.x, place.y, place.z])
         elif message_type == PRESSURE:
-            self._add(topic, time, [message.fluid_pressure])
+            self._add(topic, time, [message.fluid_pressure - STANDARD_ATMOSPHERE])
         else:
             self._joint_names = tuple(message.name)
             self._add(topic, time, [*message.effort, *message.position])
@@ -130,7 +131,7 @@ class LiveViewer:
             title = f"{name} {'state' if truth else 'tracker'}: displacement from the first pose [mm]"
             self._rerun_scene.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
-            self._rerun_scene.curves("pressure [kPa, absolute]", [parts[-2]], times, KPA * values)
+            self._rerun_scene.curves("gauge pressure [kPa]", [parts[-2]], times, KPA * values)
         else:
             half = values.shape[1] // 2
             self._rerun_scene.curves("drive torque [N m]", self._joint_names, times, values[:, :half])

@@ -54,8 +54,8 @@ def test_joints_and_pressures_are_read_with_their_names(recording, simulation):
     assert np.allclose(torque.last, simulation.joint_torque.ravel(), rtol=0.0, atol=1e-9)
     pressure = pressure_tracks(recording)
     assert sorted(pressure) == ["left", "right"]
-    # Absolute: it starts at the pressure of the air.
-    assert pressure["left"].first == pytest.approx(101325.0, abs=1.0)
+    # Gauge: it starts at the pressure of the air.
+    assert pressure["left"].first == pytest.approx(0.0, abs=1.0)
 
 
 def test_a_recording_without_the_surface_is_refused_by_name(recording):

@@ -149,9 +149,9 @@ def test_the_shortest_path_of_a_name_is_the_twins_own(tmp_path):
         ("/rig/P1/pose", 10 * MS, pose(10 * MS, [9.0, 0.0, 0.0])),
         ("/P1/pose", 10 * MS, pose(10 * MS, [1.0, 2.0, 3.0])),
         ("/truth/P1/pose", 10 * MS, pose(20 * MS, [4.0, 5.0, 6.0])),
-        ("/rig/left/pressure", 10 * MS, rig_bag.fluid(10 * MS, 7.0)),
-        ("/left/pressure", 10 * MS, rig_bag.fluid(10 * MS, 8.0)),
-        ("/pressure", 10 * MS, rig_bag.fluid(10 * MS, 9.0)),
+        ("/rig/left/pressure", 10 * MS, rig_bag.fluid(10 * MS, 101332.0)),
+        ("/left/pressure", 10 * MS, rig_bag.fluid(10 * MS, 101333.0)),
+        ("/pressure", 10 * MS, rig_bag.fluid(10 * MS, 101334.0)),
     ]
     recording = read_bag(rig_bag.write(tmp_path / "bag", messages))
     measured, truth = point_tracks(recording, truth=False), point_tracks(recording, truth=True)
@@ -316,7 +316,7 @@ def test_a_topic_without_messages_is_not_found(tmp_path):
     writer = BagWriter(
         tmp_path / "bag", topics={"/left/pressure": TopicInfo(kind), "/a/left/pressure": TopicInfo(kind)}
     )
-    writer.write("/a/left/pressure", kind, encode(rig_bag.fluid(10 * MS, 3.0)), 10 * MS)
+    writer.write("/a/left/pressure", kind, encode(rig_bag.fluid(10 * MS, 101328.0)), 10 * MS)
     writer.close()
     recording = read_bag(tmp_path / "bag")
     assert find_topic(recording, "pressure", kind) == "/a/left/pressure"
