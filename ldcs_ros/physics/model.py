@@ -13,7 +13,6 @@ import numpy as np
 from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import LAYERS, Lattice
-from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 
 if TYPE_CHECKING:
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from ldcs_ros.physics.effects.arms import ArmsTerm
     from ldcs_ros.physics.effects.gravity import Gravity
     from ldcs_ros.physics.effects.wrench import WrenchTerm
+    from ldcs_ros.physics.material import Material
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,10 @@ class Model:
         self.corotational = any(term.corotational for term in self.terms if term.name == "springs")
         self.relaxation_time = max((term.relaxation_time for term in self.terms), default=0.0)
         by_name = {term.name: term for term in self.terms}
+        # Terms that have a force at all; an effect `wrench` has none while no wrench is commanded.
+        acting = [term for term in self.terms if type(term).add_force is not Term.add_force]
+        self._acting = tuple(acting)
+        self._acting_unpushed = tuple(term for term in acting if term.name != "wrench")
         self.arms = cast("ArmsTerm | None", by_name.get("arms"))
         self.wrench = cast("WrenchTerm | None", by_name.get("wrench"))
         self.node_mass = assembly.node_mass
@@ -125,7 +129,7 @@ class Model:
     def force(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the force on the free coordinates [N, N m], shape (n_free,)."""
         total = np.zeros(self.n_coordinates)
-        for term in self.terms:
+        for term in self._acting if inputs.wrenches else self._acting_unpushed:
             term.add_force(time, q, u, inputs, total)
         return total[self.free]
 

@@ -12,7 +12,6 @@ from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
 from ldcs_ros.scene import schema
 from ldcs_ros.scene.mesh_change import carry_places
@@ -20,6 +19,8 @@ from ldcs_ros.schema.paths import put_value, remove_value
 from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
 
 if TYPE_CHECKING:
+    # A scene without a material loads none.
+    from ldcs_ros.physics.material import Material
     from ldcs_ros.simulation.simulation import Simulation
 
 

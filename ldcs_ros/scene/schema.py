@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.errors import SceneError
 from ldcs_ros.integrators.settings import Solver
@@ -11,7 +11,6 @@ from ldcs_ros.physics.effects import EFFECTS, effect_class
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.placed_arms import PlacedArm
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.shapes import Disc, PlaneShape, Polygon, Rectangle, SheetRegion
@@ -19,6 +18,9 @@ from ldcs_ros.schema.arms import MAX_ARMS
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.fields import as_location, did_you_mean, shown
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
+
+if TYPE_CHECKING:
+    from ldcs_ros.physics.material import Material
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side: a memory limit, far above useful meshes
@@ -32,6 +34,8 @@ CHECKS = Checks(SceneError)
 
 def check_material(value: object, path: str) -> Material:
     """Return the material of `material: {youngs_modulus, poisson, density}`."""
+    from ldcs_ros.physics.material import Material
+
     return Material(**CHECKS.declared(Material, value, path))
 
 

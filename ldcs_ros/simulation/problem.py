@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ldcs_ros.integrators.settings import Solver
 from ldcs_ros.physics.effects.base import Effect
 from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point
+
+if TYPE_CHECKING:
+    # A problem without a material loads none.
+    from ldcs_ros.physics.material import Material
 
 
 class Problem(Protocol):

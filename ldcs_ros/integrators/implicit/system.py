@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -10,7 +11,6 @@ import numpy as np
 
 from ldcs_ros.integrators.implicit.banded import Band, BandFactors
 from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle
-from ldcs_ros.physics.column_frames import fill_column_frames, fill_rotations, rotated_vectors
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
@@ -84,6 +84,7 @@ class Factors:
     ) -> None:
         self.rate_step, self.frames = rate_step, frames
         self._turns: tuple[np.ndarray, np.ndarray] | None = None
+        self._rotated: Callable[..., np.ndarray]  # set with the rotations
         self._scale = 1.0
         self._order, self._n = storage.order, len(storage.order)
         self._nodes = storage.factor(matrix.nodes)
@@ -105,6 +106,10 @@ class Factors:
         """Return factors with other rotations G and H, shape (n_columns, 3, 3) each, and a factor on the solution."""
         other = copy(self)
         other._turns, other._scale = turns, scale
+        if turns is not None:
+            from ldcs_ros.physics.column_frames import rotated_vectors
+
+            other._rotated = rotated_vectors
         return other
 
     def unscaled(self) -> Factors:
@@ -125,14 +130,14 @@ class Factors:
         result = np.empty_like(right)
         nodes = right[self._order]
         if self._turns is not None:
-            nodes = rotated_vectors(self._turns[0], nodes, back=True)
+            nodes = self._rotated(self._turns[0], nodes, back=True)
         nodes = self._nodes.solve(nodes)
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - nodes @ self._border)
             nodes -= self._reach @ angles
             result[self._n :] = angles
         if self._turns is not None:
-            nodes = rotated_vectors(self._turns[1], nodes, back=False)
+            nodes = self._rotated(self._turns[1], nodes, back=False)
         result[self._order] = nodes
         if self._scale != 1.0:
             result *= self._scale
@@ -278,6 +283,9 @@ class LinearSystem:
         scale = self.rescaling(factors, rate_step)
         turns = None
         if self._columns is not None:
+            # Scenes whose forces do not turn with the sheet load no frames.
+            from ldcs_ros.physics.column_frames import fill_rotations
+
             ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
             left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
             fill_rotations(self.frames(q), factors.frames, self._columns, left)
@@ -313,6 +321,8 @@ class LinearSystem:
         by_position, by_rate = jacobian(time, q, u, inputs, False)
         border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
         if turns is not None:
+            from ldcs_ros.physics.column_frames import rotated_vectors
+
             border = np.stack([rotated_vectors(turns[0], column, back=True) for column in border.T], axis=1)
         return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
@@ -334,6 +344,8 @@ class LinearSystem:
         nx, ny = self.model.lattice.nodes
         frames = np.empty((nx * ny, 3, 3))
         if self._columns is not None:
+            from ldcs_ros.physics.column_frames import fill_column_frames
+
             fill_column_frames(q[: 6 * nx * ny].reshape(-1, 3), nx, ny, frames)
         return frames
 

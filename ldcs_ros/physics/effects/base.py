@@ -16,14 +16,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
-from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.points import Point, point_at
+
+if TYPE_CHECKING:
+    # A scene without a material loads none.
+    from ldcs_ros.physics.material import Material
 
 EMPTY_PATTERN = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 NO_VALUES = np.zeros(0)
