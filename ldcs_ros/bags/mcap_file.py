@@ -208,6 +208,8 @@ class McapFile:
         opening = stream.read(len(MAGIC))
         stream.seek(max(len(opening), self._size - len(MAGIC)))
         closing = stream.read()
+        if not opening:
+            raise RecordingError(f"{self._path} is empty")
         if not MAGIC.startswith(opening):
             raise RecordingError(f"{self._path} is no MCAP file: it does not begin like one")
         if closing != MAGIC:

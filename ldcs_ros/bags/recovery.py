@@ -14,6 +14,7 @@ from typing import IO, Any
 
 from ldcs_ros.bags.contents import Contents, read_contents, write_copy
 from ldcs_ros.bags.limits import check_regular
+from ldcs_ros.bags.mcap_file import MAGIC
 from ldcs_ros.bags.metadata import (
     FILE_NAME,
     BagMetadata,
@@ -23,6 +24,7 @@ from ldcs_ros.bags.metadata import (
     sync_folder,
     write_metadata,
 )
+from ldcs_ros.bags.reader import read_bag
 from ldcs_ros.bags.storage import LATEST
 from ldcs_ros.errors import RecordingError, one_line
 
@@ -39,6 +41,8 @@ class RecoveryReport:
         messages: Messages in the bag now.
         duration: Log time from its first to its last message [s].
         dropped: Bytes that could not be used [bytes].
+        left_out: Names of files without any content, which are no part of the bag now.
+        refusal: Reason for which readers refuse the bag nevertheless; '' if they read it.
     """
 
     path: Path
@@ -48,6 +52,8 @@ class RecoveryReport:
     messages: int
     duration: float
     dropped: int
+    left_out: tuple[str, ...] = ()
+    refusal: str = ""
 
     @property
     def untouched(self) -> bool:
@@ -56,12 +62,14 @@ class RecoveryReport:
 
     def __str__(self) -> str:
         content = f"{self.messages} messages over {self.duration:.3f} s"
-        if self.untouched:
-            return f"{self.path} is sound ({content}) and was left untouched"
         kept = f"; the original stays as {', '.join(self.originals)}" if self.originals else ""
-        if not self.rewritten:
-            return f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written{kept}"
-        return f"{self.path} was repaired: {content} kept, {self.dropped} bytes dropped{kept}"
+        if self.untouched:
+            words = f"{self.path} is sound ({content}) and was left untouched"
+        elif not self.rewritten:
+            words = f"{self.path}: the recorded files are sound ({content}); {FILE_NAME} was written{kept}"
+        else:
+            words = f"{self.path} was repaired: {content} kept, {self.dropped} bytes dropped{kept}"
+        return words + (f"; left out, since empty: {', '.join(self.left_out)}" if self.left_out else "")
 
 
 def recover(
@@ -85,6 +93,7 @@ def recover(
     summaries: list[FileSummary] = []
     rewritten: list[str] = []
     originals: list[str] = []
+    left_out: list[str] = []
     dropped = 0
     whole = Contents()
     try:
@@ -96,6 +105,10 @@ def recover(
                 size = os.fstat(stream.fileno()).st_size
                 contents = read_contents(file, stream, size, done_fraction.at)
                 done_fraction.done += size
+                if len(files) > 1 and contents.profile is None and _is_empty(stream):
+                    left_out.append(file.name)
+                    done_fraction.done += size
+                    continue
                 _check_contents(file, contents)
                 contents.add_bag_metadata(metadata)
                 if contents.sound:
@@ -111,6 +124,8 @@ def recover(
                 done_fraction.done += size
                 whole.custom_data.update(contents.custom_data)
                 whole.ros_distro = whole.ros_distro or contents.ros_distro
+        if not summaries:
+            raise RecordingError(f"{bag} has only empty files; nothing can be kept")
         information = bag_information(
             summaries,
             whole.custom_data,
@@ -125,8 +140,9 @@ def recover(
     except RecordingError:
         raise
     except OSError as error:
+        state = f"only {', '.join(rewritten)} is repaired" if rewritten else "it is unchanged"
         raise RecordingError(
-            f"{bag} cannot be repaired: {one_line(error)}; it is unchanged. "
+            f"{bag} cannot be repaired: {one_line(error)}; {state}. "
             "The repair needs to write there, and room for a second copy"
         ) from error
     return RecoveryReport(
@@ -137,7 +153,25 @@ def recover(
         information["message_count"],
         information["duration"]["nanoseconds"] / 1e9,
         dropped,
+        tuple(left_out),
+        _refusal(bag),
     )
+
+
+def _is_empty(stream: IO[bytes]) -> bool:
+    """Tell a file that a power cut left without content, or filled with zeros."""
+    stream.seek(0)
+    opening = stream.read(len(MAGIC))
+    return MAGIC.startswith(opening) or opening == bytes(len(opening))
+
+
+def _refusal(bag: Path) -> str:
+    """Return the reason for which a bag cannot be read; '' if it can."""
+    try:
+        read_bag(bag)
+    except RecordingError as error:
+        return str(error)
+    return ""
 
 
 def _check_contents(file: Path, contents: Contents) -> None:

@@ -49,6 +49,8 @@ class BagTypes:
 
     def _store(self, typename: str) -> Typestore:
         given = [one for one in self._definitions.get(typename, ()) if one.encoding]
+        if typename in self._known.fielddefs:  # some recorders name an encoding, and have no text
+            given = [one for one in given if one.text.strip()]
         if not given:
             if typename not in self._known.fielddefs:
                 raise RecordingError(f"{self._name} does not define the message type {typename}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 from pathlib import Path
 
 from ldcs_ros.cli.output import Progress, print_json
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Mend the bag and say what was kept; exit status 0."""
+    """Mend the bag and say what was kept; exit status 1 if readers refuse it nevertheless."""
     from ldcs_ros.bags import recover
 
     with Progress(1.0, label=f"recover {arguments.bag.name}", unit="", quiet=arguments.json) as progress:
@@ -29,4 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
         print_json({**dataclasses.asdict(report), "untouched": report.untouched})
     else:
         print(report)
+    if report.refusal:
+        print(f"ldcs: error: readers refuse it nevertheless: {report.refusal}", file=sys.stderr)
+        return 1
     return 0

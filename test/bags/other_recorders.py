@@ -59,21 +59,40 @@ def write_mcap(
     profile: str = "ros2",
     encoding: str = "cdr",
     beside: str = "",
+    also: str = "",
+    definition: tuple[str, bytes] = ("ros2msg", FLUID_TEXT),
+    contents: list[bytes] | None = None,
     **options: Any,
 ) -> Path:
-    """Write pressures of 1 and 2 kPa above ambient in turn, six of them if no log times [ns] are given."""
+    """Write pressures of 1 and 2 kPa above ambient in turn, six of them if no log times [ns] are given.
+
+    Args:
+        path: The file.
+        times: Log times [ns].
+        profile: Profile of the file.
+        encoding: Encoding of the messages.
+        beside: Encoding of a second channel on another topic.
+        also: Type of a second channel on the same topic.
+        definition: Encoding and text of the type's definition.
+        contents: Bytes of the messages.
+        options: Those of the writer.
+    """
     with open(path, "wb") as stream:
         writer = Writer(stream, **options)
         writer.start(profile=profile)
-        schema = writer.register_schema(FLUID, "ros2msg", FLUID_TEXT)
+        schema = writer.register_schema(FLUID, *definition)
         channel = writer.register_channel("/v", encoding, schema)
         if beside:
             other = writer.register_channel(
                 "/log", beside, writer.register_schema("Log", f"{beside}schema", b"{}")
             )
             writer.add_message(other, WALL, b"{}", WALL)
+        if also:
+            other = writer.register_channel("/v", encoding, writer.register_schema(also, "", b""))
+            writer.add_message(other, WALL, b"", WALL)
         for k, time in enumerate([WALL + k * STEP for k in range(6)] if times is None else times):
-            writer.add_message(channel, time, pressure(WALL + k * STEP, 102325.0 + 1e3 * (k % 2)), time, k)
+            data = pressure(WALL + k * STEP, 102325.0 + 1e3 * (k % 2)) if contents is None else contents[k]
+            writer.add_message(channel, time, data, time, k)
         writer.add_attachment(WALL, WALL, "notes.txt", "text/plain", b"a file inside of a bag")
         writer.finish()
     return path

@@ -197,6 +197,41 @@ def test_a_damaged_definition_is_one_line_when_its_message_is_decoded(tmp_path, 
     )
 
 
+@pytest.mark.parametrize("encoding", ["", "ros2msg"])
+def test_a_known_type_without_a_definition_is_that_of_ros(tmp_path, encoding):
+    file = write_mcap(tmp_path / "rig.mcap", definition=(encoding, b""))
+    assert values(read_bag(file)) == [1000, 2000] * 3
+
+
+def test_big_endian_messages_are_read_and_other_encapsulations_are_named(tmp_path):
+    big = b"\0\0\0\0" + struct.pack(">iII4xdd", WALL // 10**9, 0, 1, 101425.0, 0.0)
+    assert values(read_bag(write_mcap(tmp_path / "big.mcap", contents=[big] * 6))) == [100] * 6
+    xcdr2 = b"\0\x07\0\0" + big[4:]
+    recording = read_bag(write_mcap(tmp_path / "xcdr2.mcap", contents=[xcdr2] * 6))
+    assert "encapsulation" in one_line(recording.channels["/v"].messages.__getitem__, 0)
+
+
+def test_a_topic_of_two_types_is_refused_and_recover_says_so(tmp_path):
+    file = write_mcap(tmp_path / "rig.mcap", also="std_msgs/msg/String")
+    assert "carries two types" in one_line(read_bag, file)
+    report = recover(file)
+    assert report.untouched and "carries two types" in report.refusal
+
+
+def test_an_empty_file_is_refused_and_left_out_of_a_split_bag(tmp_path):
+    (tmp_path / "lone.mcap").write_bytes(b"")
+    assert "is empty" in one_line(read_bag, tmp_path / "lone.mcap")
+    for number, content in enumerate((b"", bytes(5000), b"\x89MCAP0\r\n")):
+        folder = tmp_path / f"bag{number}"
+        folder.mkdir()
+        write_mcap(folder / "rig_0.mcap")
+        (folder / "rig_1.mcap").write_bytes(content)
+        report = recover(folder)
+        assert report.left_out == ("rig_1.mcap",) and "rig_1.mcap" in str(report) and not report.refusal
+        assert (folder / "rig_1.mcap").read_bytes() == content
+        assert read_bag(folder).count == 6
+
+
 def test_metadata_that_counts_otherwise_is_told(tmp_path):
     write_mcap(tmp_path / "rig.mcap")
     assert read_bag(card(tmp_path, ["rig.mcap"], 8)).notes == (
