@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from ldcs_ros.bags.limits import LARGEST_CHUNK
+from ldcs_ros.bags.limits import LARGEST_CHUNK, check_regular
 from ldcs_ros.bags.storage import LATEST, Definition, StoredChannel
 from ldcs_ros.bags.topics import TopicInfo, parse_qos
 from ldcs_ros.errors import RecordingError, one_line
@@ -40,7 +42,10 @@ class Sqlite3File:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.custom_data: Mapping[str, str] = {}
+        self._copy: tempfile.TemporaryDirectory[str] | None = None
+        self._uri = f"file:{quote(str(path.resolve()))}?mode=ro"
         try:
+            self._uri = self._readable()
             with closing(self._open()) as database:
                 self._check_tables(database)
                 self.channels: Mapping[int, StoredChannel] = _channels(database)
@@ -53,7 +58,7 @@ class Sqlite3File:
                 start, end = database.execute(
                     "SELECT min(timestamp), max(timestamp) FROM messages"
                 ).fetchone()
-        except (sqlite3.Error, MemoryError, OverflowError, UnicodeDecodeError) as error:
+        except (sqlite3.Error, MemoryError, OverflowError, UnicodeDecodeError, OSError) as error:
             raise self._refusal(error) from error
         if lost:
             what = "that are none" if kinds else "of no topic"
@@ -78,9 +83,26 @@ class Sqlite3File:
         except (sqlite3.Error, MemoryError, OverflowError) as error:
             raise self._refusal(error) from error
 
+    def _readable(self) -> str:
+        """Return the URI of the file, or of a copy where sqlite3 lacks the rights to read a -wal file beside it."""
+        try:
+            with closing(self._open()) as database:
+                database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        except sqlite3.OperationalError as error:
+            if not str(error).startswith(_NO_RIGHTS):
+                raise
+            journal = self._path.with_name(f"{self._path.name}-wal")
+            if not journal.exists() or not check_regular(journal):
+                return f"{self._uri}&immutable=1"
+            self._copy = tempfile.TemporaryDirectory(prefix="ldcs_bag_")
+            for file in (self._path, journal):
+                shutil.copyfile(file, Path(self._copy.name) / file.name)
+            return f"file:{quote(str(Path(self._copy.name) / self._path.name))}?mode=ro"
+        return self._uri
+
     def _open(self) -> sqlite3.Connection:
         # A path may hold the signs that separate the parts of a URI.
-        database = sqlite3.connect(f"file:{quote(str(self._path.resolve()))}?mode=ro", uri=True)
+        database = sqlite3.connect(self._uri, uri=True)
         database.execute("PRAGMA trusted_schema = OFF")
         if sys.version_info >= (3, 11):
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_CHUNK)
@@ -107,6 +129,8 @@ class Sqlite3File:
         return RecordingError(f"{self._path}{beside} cannot be read: {one_line(error)}; {_ADVICE}")
 
 
+_NO_RIGHTS = ("unable to open", "attempt to write a readonly", "readonly")
+"""Beginnings of sqlite3's words for a folder in which it cannot write."""
 _ADVICE = "copy what can be read with `sqlite3 FILE .recover`, then `ros2 bag reindex`"
 
 

@@ -5,6 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 import zstandard
@@ -83,6 +87,32 @@ def test_the_wal_file_of_sqlite3_belongs_to_the_bag_and_reading_changes_neither(
     assert recording.channels["/v"].times.tolist() == [WALL + k * STEP for k in range(8)]
     assert values(recording) == [0, 50000] * 4
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
+
+
+READER = """
+import os, sys
+from ldcs_ros.bags import read_bag
+from ldcs_ros.bags.sqlite3_file import Sqlite3File
+if os.getuid() == 0:
+    os.setgid(65534)
+    os.setuid(65534)
+print(len(list(read_bag(sys.argv[1]).in_order())))
+"""
+
+
+@pytest.mark.parametrize("in_wal", [0, 4])
+def test_a_bag_with_a_wal_file_is_read_in_a_folder_that_cannot_be_written(in_wal):
+    folder = Path(tempfile.mkdtemp(prefix="ldcs_read_only_"))
+    try:
+        file = write_sqlite3(folder / "rig.db3", [101325.0, 151325.0] * 4, in_wal=in_wal)
+        folder.chmod(0o555)
+        words = [sys.executable, "-c", READER, str(file)]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+        assert (done.stdout.strip(), done.stderr) == ("8", "")
+        assert {path.name for path in folder.iterdir()} <= {"rig.db3", "rig.db3-wal"}
+    finally:
+        folder.chmod(0o755)
+        shutil.rmtree(folder)
 
 
 @pytest.mark.parametrize("name", ["trial #3", "a%20b", "what?", "a b", "{x};y=1&z"])
