@@ -11,7 +11,7 @@ import numpy as np
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import MappingError, RecordingError
 from ldcs_ros.signals import fields
-from ldcs_ros.signals.stamps import SECOND, on_recorders_clock
+from ldcs_ros.signals.stamps import SECOND, SMALLEST_STEP, on_recorders_clock
 
 MOST_WARNED = 3
 
@@ -40,6 +40,7 @@ class ChannelReport:
         repeated: Messages with stamp and content of an earlier one; all are taken.
         out_of_order: Messages with a stamp before that of an earlier one; sorted.
         late: Messages recorded long after their stamp.
+        early: Messages recorded long before their stamp: the two clocks differ.
         missing: Missing messages, estimated from the silences; the last value is held meanwhile.
         longest_gap: Longest silence [s].
         silences: Silences longer than `gap`: begin after the start of the recording [s], length [s].
@@ -57,6 +58,7 @@ class ChannelReport:
     repeated: int = 0
     out_of_order: int = 0
     late: int = 0
+    early: int = 0
     missing: int = 0
     longest_gap: float = 0.0
     silences: tuple[tuple[float, float], ...] = ()
@@ -94,6 +96,7 @@ class ChannelReport:
                 (self.repeated, "with stamp and content of an earlier one"),
                 (self.out_of_order, "out of order, sorted"),
                 (self.late, "late"),
+                (self.early, "recorded before their stamp (the clocks differ)"),
                 (self.missing, f"missing ({self._silences_in_words()}), value held"),
                 (self.unstamped, "without a stamp that tells their time, taken by log time"),
                 (self.below_zero, "a little below ambient, taken as ambient"),
@@ -170,7 +173,8 @@ def read_channel(
     if (stamps > 0).any():
         found = on_recorders_clock(stamps, logs, np.array(copies))
         usable = found.time[found.usable]
-        report.late = int(np.sum(logs[found.usable] - usable > late * SECOND))
+        delay = logs[found.usable] - usable
+        report.late, report.early = int(np.sum(delay > late * SECOND)), int(np.sum(delay < -SMALLEST_STEP))
         report.out_of_order = int(np.sum(usable < np.maximum.accumulate(usable)))
         report.repeated = len(usable) - len(np.unique(usable))
         if by == "stamp":

@@ -10,6 +10,8 @@ import numpy as np
 SECOND = 1_000_000_000
 ANOTHER_CLOCK = SECOND
 """Stamps that differ from the recorder's time by more than this are of another clock [ns]."""
+SMALLEST_STEP = SECOND // 20
+"""Steps of the stamps' clock up to this are taken for changes of the delay [ns]."""
 MOST_PERIODS = 5.0
 """Usual periods after which the copy of a message counts as a new one with a stamp that is stuck."""
 COARSE_SPREAD = SECOND // 10
@@ -50,19 +52,16 @@ def on_recorders_clock(stamps: np.ndarray, logs: np.ndarray, copies: np.ndarray)
     ahead = stamps[index] - logs[index]
     level = np.zeros(len(stamps), dtype=np.int64)
     typical = np.zeros(len(stamps), dtype=np.int64)
-    bounds = _clock_changes(ahead)
-    levels: list[int] = []
-    base = _base(ahead, bounds)
-    for first, end in bounds:
-        part = ahead[first:end]
-        middle = int(np.sort(part)[len(part) // 2])  # a mean of two would be rounded as float64
-        # The message that came fastest shows best how the two clocks stand.
-        fastest = int(part[part <= middle + ANOTHER_CLOCK].max())
-        levels.append(0 if abs(middle) <= ANOTHER_CLOCK else fastest - base)
-        start, stop = (index[first] if first else 0), (index[end] if end < len(index) else len(stamps))
-        level[start:stop], typical[start:stop] = levels[-1], middle
+    latest = np.zeros(len(stamps), dtype=np.int64)
+    bounds = _clock_changes(ahead, logs[index])
+    parts = [_Lead.of(ahead[first:end]) for first, end in bounds]
+    base = _base(parts)
+    levels = [0 if abs(part.fastest - base) <= SMALLEST_STEP else part.fastest - base for part in parts]
+    for (first, end), part, lead in zip(bounds, parts, levels, strict=True):
+        covered = slice(index[first] if first else 0, index[end] if end < len(index) else len(stamps))
+        level[covered], typical[covered], latest[covered] = lead, part.middle, part.middle + part.scatter
     # A stamp from the future is wrong by itself; one from the past may be a message that came late.
-    usable &= ~((stamps > 0) & (stamps - logs > typical + ANOTHER_CLOCK))
+    usable &= ~((stamps > 0) & (stamps - logs > latest))
     time = np.where(usable, stamps - level, logs + typical - level)
     steps = tuple(int(after - before) for before, after in itertools.pairwise(levels))
     return StampedTimes(time, usable, levels[0] or None, steps)
@@ -84,17 +83,41 @@ def _telling(stamps: np.ndarray, logs: np.ndarray, copies: np.ndarray) -> np.nda
     return usable
 
 
-def _clock_changes(ahead: np.ndarray) -> list[tuple[int, int]]:
+@dataclass(frozen=True)
+class _Lead:
+    """The lead of the stamps' clock over the recorder's in a part of a recording [ns].
+
+    Attributes:
+        middle: Its median.
+        scatter: Largest distance above the median that varying delays explain.
+        fastest: Lead of the message that came fastest: it shows best how the two clocks stand.
+    """
+
+    middle: int
+    scatter: int
+    fastest: int
+
+    @classmethod
+    def of(cls, ahead: np.ndarray) -> _Lead:
+        middle = int(np.sort(ahead)[len(ahead) // 2])  # a mean of two would be rounded as float64
+        scatter = int(np.clip(MOST_PERIODS * _spread(ahead), SMALLEST_STEP, ANOTHER_CLOCK))
+        return cls(middle, scatter, int(ahead[ahead <= middle + scatter].max()))
+
+
+def _clock_changes(ahead: np.ndarray, logs: np.ndarray) -> list[tuple[int, int]]:
     """Return the ranges between which the stamps' clock was set."""
-    cuts = [0, *(np.flatnonzero(np.abs(np.diff(ahead)) > ANOTHER_CLOCK) + 1), len(ahead)]
+    jumps, periods = np.abs(np.diff(ahead)), np.diff(logs)
+    # Where the recorder heard nothing for a while, a small jump is a change of the delay.
+    steady_log = periods <= 2.0 * np.median(periods) if len(periods) else np.zeros(0, dtype=bool)
+    cut = jumps > np.where(steady_log, SMALLEST_STEP, ANOTHER_CLOCK)
+    cuts = [0, *(np.flatnonzero(cut) + 1), len(ahead)]
     ranges: list[tuple[int, int]] = []
     for first, end in itertools.pairwise(cuts):
         part = ahead[first:end]
+        jump = min(int(jumps[first - 1]), ANOTHER_CLOCK) if first else ANOTHER_CLOCK
         # Messages that were held up and come at once catch up with the clock: no level.
-        steady = (
-            end - first >= LEAST_MESSAGES and np.subtract(*np.percentile(part, [75, 25])) < ANOTHER_CLOCK / 4
-        )
-        known = ranges and abs(np.median(part) - np.median(ahead[slice(*ranges[-1])])) <= ANOTHER_CLOCK
+        steady = end - first >= LEAST_MESSAGES and _spread(part) < jump / 4
+        known = ranges and abs(np.median(part) - np.median(ahead[slice(*ranges[-1])])) <= jump / 2
         if ranges and (not steady or known):
             ranges[-1] = ranges[-1][0], int(end)
         else:
@@ -104,7 +127,12 @@ def _clock_changes(ahead: np.ndarray) -> list[tuple[int, int]]:
     return ranges
 
 
-def _base(ahead: np.ndarray, bounds: list[tuple[int, int]]) -> int:
-    """Return what the fastest message of the recorder's own clock is ahead; 0 if there is none of it."""
-    own = [ahead[first:end] for first, end in bounds if abs(np.median(ahead[first:end])) <= ANOTHER_CLOCK]
-    return int(max(part.max() for part in own)) if own else 0
+def _spread(ahead: np.ndarray) -> float:
+    """Return the distance of the quartiles [ns]."""
+    return float(np.subtract(*np.percentile(ahead, [75, 25])))
+
+
+def _base(parts: list[_Lead]) -> int:
+    """Return the lead in the part that the recorder's own clock stamped; 0 if there is none of it."""
+    own = [part.fastest for part in parts if abs(part.middle) <= ANOTHER_CLOCK]
+    return min(own, key=abs, default=0)

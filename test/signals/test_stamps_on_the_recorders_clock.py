@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from ldcs_ros.signals.channels import ChannelReport
+sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
+
+import rig_bag
+
+from ldcs_ros.bags import read_bag
+from ldcs_ros.signals.channels import ChannelReport, read_channel
 from ldcs_ros.signals.stamps import SECOND, on_recorders_clock
 
 WALL = 1_700_000_000 * SECOND
@@ -58,6 +66,35 @@ def test_a_clock_that_is_set_moves_no_message(first, then):
     times = found(stamps, recorded)
     assert np.abs(times.time - recorded).max() <= 2 * MS
     assert times.clock_steps == (then - first,)
+
+
+@pytest.mark.parametrize("step", [0.08, -0.3, 0.5, -0.9])
+@pytest.mark.parametrize("lead", [0, -1000 * SECOND])
+def test_a_clock_that_is_set_by_less_than_a_second_moves_no_message(step, lead):
+    recorded = logs(200, 10 * MS)
+    delays = np.random.default_rng(3).integers(MS, 3 * MS, 200)
+    stamps = np.array(recorded) - delays + lead + np.where(np.arange(200) < 90, 0, round(step * SECOND))
+    times = found(stamps, recorded)
+    assert np.abs(times.time - recorded).max() <= 3 * MS
+    assert times.clock_steps == (pytest.approx(step * SECOND, abs=2 * MS),)
+
+
+@pytest.mark.parametrize("delay", [0.08, 0.3, 0.9])
+def test_a_delay_that_changes_is_no_step_of_a_clock(delay):
+    stamps = logs(200, 10 * MS)
+    recorded = [stamp + (MS if k < 90 else round(delay * SECOND)) for k, stamp in enumerate(stamps)]
+    times = found(stamps, recorded)
+    assert times.time.tolist() == stamps and not times.clock_steps
+
+
+def test_stamps_after_their_recording_are_counted(tmp_path):
+    stamps = [WALL + k * 20 * MS for k in range(20)]
+    messages = [("/v", stamp - 300 * MS, rig_bag.fluid(stamp, 101325.0)) for stamp in stamps]
+    report = ChannelReport("/v")
+    bag = read_bag(rig_bag.write(tmp_path / "bag", messages))
+    read_channel(bag, "/v", report, by="stamp", late=0.1, gap=None)
+    assert (report.early, report.late) == (20, 0)
+    assert report.warnings() == ["20 recorded before their stamp (the clocks differ)"]
 
 
 def test_a_late_message_keeps_its_stamp_and_one_from_the_future_does_not():
