@@ -25,7 +25,9 @@ MODES = 24
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
     parser.add_argument(
-        "bag", metavar="BAG", help="bag folder, .mcap or .db3 file; with --modes a shipped scene or a YAML file"
+        "bag",
+        metavar="BAG",
+        help="bag folder, .mcap or .db3 file; with --modes a shipped scene or a YAML file",
     )
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, help="folder for the pictures; BAG_plots if not given"

@@ -1,4 +1,4 @@
-"""`ldcs reach`: the commands under which points of a scene rest at their targets."""
+"""`ldcs reach`: the commands under which points of a scene, or its whole shape, rest at their targets."""
 
 from __future__ import annotations
 
@@ -11,24 +11,32 @@ from typing import TYPE_CHECKING
 from ldcs_ros.cli.arguments import CommandLineError, metres, seed
 from ldcs_ros.cli.output import print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
-from ldcs_ros.errors import SceneError
+from ldcs_ros.errors import SceneError, one_line
 
 if TYPE_CHECKING:
-    from ldcs_ros.reach import Reached, TargetCoordinate, Variable
+    from ldcs_ros.reach import Reached, ShapeTarget, TargetCoordinate, Variable
     from ldcs_ros.scene.scene import Scene
+    from ldcs_ros.simulation.simulation import Simulation
 
 DESCRIPTION = """\
 Find commands within bounds whose rest state comes nearest to the targets, by the full model. Targets are coordinates in
-ldcs_base [m]. Prints the commands, what is reached, the distance that remains and the sensitivities there. The exit
-status is 1 if a target stays farther away than --tolerance; the commands are then those of the nearest point."""
+ldcs_base [m], or a shape of the whole sheet, whose RMS counts. Prints the commands, what is reached, the distance that
+remains and the sensitivities there. The exit status is 1 if more than --tolerance remains; the commands are then those
+of the nearest rest state. --workspace draws where a point rests under commands all over their bounds instead.
+
+Shapes: sphere:radius=0.5, cylinder:radius=0.5,axis=y, saddle:radius=0.5, sine:amplitude=0.01,length=0.2,axis=x, each
+with x=, y= (its middle) and z= (its height, free without it); a positive radius is a dome. A CSV file has columns x,y,z
+(points of a surface [m]) or i,j,z (heights of nodes [m]), and weight where wanted; :z=free frees its height."""
 EXAMPLE = """\
 ldcs reach rig --target P1.z=0.050 --vary pressure.left=0..190e3 --vary pressure.right=0..190e3
   ldcs reach three_arms --target P1.z=0.04 --target P0.z=0.012 --vary pressure.left=0..150e3 \\
-      --vary pressure.middle=0..150e3 --vary pressure.right=0..150e3 --starts 8 -o reached.png --json"""
+      --vary pressure.middle=0..150e3 --vary pressure.right=0..150e3 --starts 8 -o reached.png --json
+  ldcs reach mould --shape sphere:radius=0.5 --vary 'pressure.*=0..150e3' --bound -o dome.png
+  ldcs reach rig --workspace P1 --vary 'pressure.*=0..190e3' -o workspace.png"""
 
 EXIT_NOT_REACHED = 1
 _TARGET = re.compile(r"^(\w+)\.([xyz])=([^*]+)(?:\*(.+))?$")
-_VARIABLE = re.compile(r"^([\w.]+)=(.+)\.\.(.+)$")
+_VARIABLE = re.compile(r"^([\w.]+\*?)=(.+)\.\.(.+)$")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,16 +46,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--target",
         metavar="POINT.AXIS=M[*WEIGHT]",
         action="append",
-        required=True,
+        default=[],
         dest="targets",
         help="coordinate in ldcs_base that a point shall have [m]; repeatable",
+    )
+    parser.add_argument(
+        "--shape", metavar="SHAPE", help="shape of the whole sheet, or a CSV file of one; see above"
+    )
+    parser.add_argument(
+        "--bound",
+        action="store_true",
+        help="also print what would remain if every joint of the arms had a torque of its own",
+    )
+    parser.add_argument(
+        "--workspace", metavar="POINT", help="draw where a point rests under commands all over their bounds"
     )
     parser.add_argument(
         "--vary",
         metavar="COMMAND=LOW..HIGH",
         action="append",
         required=True,
-        help="pressure.ARM [Pa], torque.ARM, torque.JOINT [N m] or wrench.POINT.force.AXIS [N]; repeatable",
+        help="pressure.ARM [Pa], torque.ARM, torque.JOINT [N m] or wrench.POINT.force.AXIS [N]; repeatable. "
+        "pressure.* means the pressure of every arm",
     )
     parser.add_argument(
         "--starts", metavar="N", type=int, default=1, help="starting points; each may find another solution"
@@ -64,37 +84,99 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the solutions; exit status 0, or 1 if the nearest one is not near enough."""
-    from ldcs_ros.reach import reach
-
     if not 1 <= arguments.starts <= 1000:
         raise CommandLineError(f"--starts: got {arguments.starts}, expected 1 ... 1000")
+    aims = bool(arguments.targets) or arguments.shape is not None
+    if aims == (arguments.workspace is not None):
+        raise CommandLineError("reach needs --target, --shape or both, or else --workspace POINT alone")
     targets = [_target(text) for text in arguments.targets]
-    variables = [_variable(text) for text in arguments.vary]
     scene = scene_with(arguments.scene, arguments.overrides)
     simulation = scene.build()
+    variables = [one for text in arguments.vary for one in _variables(text, simulation.arm_names)]
     simulation.settle()
     try:
-        found = reach(simulation, targets, variables, starts=arguments.starts, seed=arguments.seed)
+        if arguments.workspace is not None:
+            return _workspace(arguments, scene, simulation, variables)
+        return _reach(arguments, scene, simulation, targets, variables)
     except ValueError as error:
         raise SceneError(f"{scene.name}: {error}") from error
+    except OSError as error:
+        raise SceneError(f"{arguments.shape}: {one_line(error)}") from error
+
+
+def _reach(
+    arguments: argparse.Namespace,
+    scene: Scene,
+    simulation: Simulation,
+    targets: list[TargetCoordinate],
+    variables: list[Variable],
+) -> int:
+    from ldcs_ros.reach import free_arms, reach, shape_target
+
+    shape = None if arguments.shape is None else shape_target(arguments.shape, scene.lattice)
+    options = {"starts": arguments.starts, "seed": arguments.seed}
+    found = reach(simulation, targets, variables, shape=shape, **options)
     best = found[0]
+    bound = free_arms(simulation, targets, variables, best, shape=shape) if arguments.bound else None
     reached = best.distance <= arguments.tolerance
     if arguments.output is not None:
-        _draw(scene, best, arguments.output)
+        _draw(scene, best, shape, arguments.output)
     if arguments.json:
         print_json(
             {
                 "scene": scene.name,
                 "reached": reached,
                 **_as_dict(best),
+                "bound": None if bound is None else bound.distance,
                 "solutions": list(map(_as_dict, found)),
             }
         )
     else:
         _print(found, targets, variables)
+        if bound is not None:
+            print_pairs([("free joints", f"{1e3 * bound.distance:.4g} mm would remain")])
     if not best.stable:
         print("ldcs: warning: the rest state is unstable; a disturbance leaves it", file=sys.stderr)
     return 0 if reached else EXIT_NOT_REACHED
+
+
+def _workspace(
+    arguments: argparse.Namespace, scene: Scene, simulation: Simulation, variables: list[Variable]
+) -> int:
+    from ldcs_ros.reach import workspace
+
+    found = workspace(simulation, arguments.workspace, variables)
+    low, high = found.extent
+    if arguments.output is not None:
+        from ldcs_ros.physics.points import point_at
+        from ldcs_ros.plotting.style import save_figure
+        from ldcs_ros.plotting.workspace import workspace_figure
+
+        point = point_at(scene.lattice, found.place, scene.points)
+        flat = point.position(scene.lattice.reference_position)
+        save_figure(workspace_figure(found, flat, scene.name), arguments.output)
+    if arguments.json:
+        flat_positions = found.position.reshape(-1, 3)
+        print_json(
+            {
+                "scene": scene.name,
+                "place": found.place,
+                "levels": found.levels,
+                "without_rest_state": found.failed,
+                "low": low.tolist(),
+                "high": high.tolist(),
+                "positions": [None if row[0] != row[0] else row for row in flat_positions.tolist()],
+            }
+        )
+        return 0
+    spans = [
+        (f"{found.place}.{axis}", f"{1e3 * a:.3f} to {1e3 * b:.3f} mm")
+        for axis, a, b in zip("xyz", low, high, strict=True)
+    ]
+    failed = f"; {found.failed} without a rest state" if found.failed else ""
+    count = found.levels ** len(variables)
+    print_pairs([*spans, ("rest states", f"{count}, {found.levels} values of each command{failed}")])
+    return 0
 
 
 def _target(text: str) -> TargetCoordinate:
@@ -111,14 +193,17 @@ def _target(text: str) -> TargetCoordinate:
         ) from None
 
 
-def _variable(text: str) -> Variable:
+def _variables(text: str, arms: tuple[str, ...]) -> list[Variable]:
     from ldcs_ros.reach import Variable
 
     match = _VARIABLE.match(text)
     try:
         if match is None:
             raise ValueError
-        return Variable(match[1], float(match[2]), float(match[3]))
+        names = [match[1]]
+        if match[1] in ("pressure.*", "torque.*"):
+            names = [match[1].replace("*", arm) for arm in arms]
+        return [Variable(name, float(match[2]), float(match[3])) for name in names]
     except ValueError:
         raise CommandLineError(
             f"--vary: got '{text}', expected COMMAND=LOW..HIGH such as pressure.left=0..190e3"
@@ -130,6 +215,7 @@ def _as_dict(one: Reached) -> dict[str, object]:
         "commands": one.commands,
         "coordinates": one.reached,
         "distance": one.distance,
+        "largest_shape_error": float(abs(one.shape_error).max()) if len(one.shape_error) else None,
         "optimality": one.optimality,
         "at_bounds": list(one.at_bounds),
         "sensitivity": one.sensitivity.tolist(),
@@ -153,19 +239,34 @@ def _print(found: list[Reached], targets: list[TargetCoordinate], variables: lis
                 (target.name, f"{1e3 * place:.4f} mm, asked {1e3 * target.value:.4f} mm; per unit {by}")
             )
         bounds = f", held by bounds: {', '.join(one.at_bounds)}" if one.at_bounds else ""
-        lines.append(("distance", f"{1e3 * one.distance:.3g} mm{bounds}"))
+        if len(one.shape_error):
+            rms, largest = one.shape_rms, abs(one.shape_error).max()
+            lines.append(("shape", f"RMS {1e3 * rms:.4g} mm, largest error of a node {1e3 * largest:.4g} mm"))
+        lines.append(("distance", f"{1e3 * one.distance:.4g} mm{bounds}"))
         branch = "stable" if one.stable else "unstable"
         lines.append(("rest state", f"{branch}; optimality {one.optimality:.1e} m after {one.steps} steps"))
         print_pairs(lines)
 
 
-def _draw(scene: Scene, best: Reached, path: Path) -> None:
+def _draw(scene: Scene, best: Reached, shape: ShapeTarget | None, path: Path) -> None:
+    import numpy as np
+
     from ldcs_ros.plotting.annotations import annotations_of_scene
     from ldcs_ros.plotting.style import save_figure
-    from ldcs_ros.plotting.surface import surface_figure
 
     nodes = best.coordinates[: 3 * scene.lattice.n_nodes].reshape(-1, 3).copy()
-    nodes[scene.lattice.missing] = float("nan")
+    nodes[scene.lattice.missing] = np.nan
     sheet = nodes.reshape(2, *scene.lattice.nodes, 3)
     title = ", ".join(f"{name} = {value:.4g}" for name, value in best.commands.items())
-    save_figure(surface_figure([sheet], [0.0], annotations_of_scene(scene, title=title)), path)
+    if shape is None:
+        from ldcs_ros.plotting.surface import surface_figure
+
+        save_figure(surface_figure([sheet], [0.0], annotations_of_scene(scene, title=title)), path)
+        return
+    from ldcs_ros.plotting.shape_error import shape_error_figure
+
+    error = np.full(scene.lattice.nodes, np.nan)
+    error.flat[shape.nodes[:, 0]] = best.shape_error
+    note = f"{shape.name}: RMS {1e3 * best.shape_rms:.3g} mm"
+    annotations = annotations_of_scene(scene, title=scene.title or scene.name)
+    save_figure(shape_error_figure(sheet, error, annotations, note), path)

@@ -5,6 +5,19 @@ targets, bounds -> Gauss-Newton steps with bounds <-> rest states and their sens
 
 from __future__ import annotations
 
+from ldcs_ros.reach.free_arms import free_arms
 from ldcs_ros.reach.reach import Reached, TargetCoordinate, Variable, reach
+from ldcs_ros.reach.shapes import ShapeTarget, shape_target
+from ldcs_ros.reach.workspace import Workspace, workspace
 
-__all__ = ["Reached", "TargetCoordinate", "Variable", "reach"]
+__all__ = [
+    "Reached",
+    "ShapeTarget",
+    "TargetCoordinate",
+    "Variable",
+    "Workspace",
+    "free_arms",
+    "reach",
+    "shape_target",
+    "workspace",
+]

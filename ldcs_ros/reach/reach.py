@@ -11,7 +11,9 @@ from scipy.optimize import lsq_linear
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.reach.rest_states import RestStates
-from ldcs_ros.simulation.command_directions import AXES, command_directions
+from ldcs_ros.reach.shapes import ShapeTarget
+from ldcs_ros.simulation.command_directions import AXES, CommandDirection, OperatingPoint, command_directions
+from ldcs_ros.simulation.sensitivity import positions
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 
@@ -66,7 +68,7 @@ class Reached:
     Attributes:
         commands: Value of each variable, by name [Pa, N m or N].
         reached: Coordinate at rest of each target, by name [m].
-        distance: Square root of the weighted sum of squares of what remains [m].
+        distance: Square root of the weighted sum of squares of what remains [m]; of a shape alone, the RMS.
         optimality: Largest slope of the distance that a command within its bounds could still go down, over its
             range [m]. Near 0 there is no better point near, also where the target is out of reach.
         at_bounds: Variables that their bounds hold.
@@ -75,6 +77,8 @@ class Reached:
         stable: Whether the rest state is stable.
         steps: Gauss-Newton steps.
         coordinates: Coordinates of the rest state [m, rad].
+        shape_error: Height of each node of a shape above it, by the order of `ShapeTarget.nodes` [m]; else empty.
+        shape_rms: Weighted root mean square of it [m]; 0 without a shape.
     """
 
     commands: dict[str, float]
@@ -87,12 +91,16 @@ class Reached:
     stable: bool
     steps: int
     coordinates: np.ndarray = field(repr=False)
+    shape_error: np.ndarray = field(repr=False)
+    shape_rms: float
+
 
 def reach(
     simulation: Simulation,
     targets: Sequence[TargetCoordinate],
     variables: Sequence[Variable],
     *,
+    shape: ShapeTarget | None = None,
     starts: int = 1,
     seed: int = 0,
 ) -> list[Reached]:
@@ -103,8 +111,9 @@ def reach(
 
     Args:
         simulation: The simulation; the branch of its present rest state is followed. It stays as it is.
-        targets: What shall be reached.
+        targets: Coordinates that shall be reached.
         variables: What may vary, and within which bounds.
+        shape: Shape of the whole sheet that shall be reached; its RMS counts beside the targets.
         starts: Number of starting points: the middle of the bounds, then random ones.
         seed: Seed of the random ones.
 
@@ -113,66 +122,101 @@ def reach(
         DivergenceError: The scene has no rest state at any starting point.
     """
     with one_thread():
-        return _reach(simulation, targets, variables, starts, seed)
-
-
-def _reach(
-    simulation: Simulation,
-    targets: Sequence[TargetCoordinate],
-    variables: Sequence[Variable],
-    starts: int,
-    seed: int,
-) -> list[Reached]:
-    at = simulation.operating_point()
-    places = [point_at(at.model.lattice, target.place, at.model.points) for target in targets]
-    commands = [one for variable in variables for one in command_directions(at, variable.name)]
-    if not targets or not variables or len(commands) != len(variables):
-        raise ValueError("expected at least one target and one variable, each a single command")
-    bad = [one for one in variables if not one.low < one.high]
-    if bad:
-        raise ValueError(
-            f"{bad[0].name}: got {bad[0].low:g}..{bad[0].high:g}, expected the lower bound first"
-        )
-    states = RestStates(at, commands, places)
-    rows = np.array([3 * k + AXES.index(target.axis) for k, target in enumerate(targets)])
-    problem = _Problem(states, rows, tuple(targets), tuple(variables))
-    draw = np.random.default_rng(seed)
-    found: list[Reached] = []
-    failed: DivergenceError | None = None
-    for start in range(starts):
-        fraction = np.full(len(variables), 0.5) if start == 0 else draw.random(len(variables))
-        try:
-            solution = problem.solve(fraction)
-        except DivergenceError as error:
-            failed = error
-            continue
-        if not any(problem.same(solution, other) for other in found):
-            found.append(solution)
+        at = simulation.operating_point()
+        problem = _Problem(at, targets, variables, shape)
+        draw = np.random.default_rng(seed)
+        found: list[Reached] = []
+        failed: DivergenceError | None = None
+        for start in range(starts):
+            fraction = np.full(len(variables), 0.5) if start == 0 else draw.random(len(variables))
+            try:
+                solution = problem.solve(fraction)
+            except DivergenceError as error:
+                failed = error
+                continue
+            if not any(problem.same(solution, other) for other in found):
+                found.append(solution)
     if not found:
         assert failed is not None
         raise failed
     return sorted(found, key=lambda one: one.distance)
 
 
+def reach_from(
+    at: OperatingPoint,
+    targets: Sequence[TargetCoordinate],
+    variables: Sequence[Variable],
+    shape: ShapeTarget | None,
+    values: np.ndarray,
+) -> Reached:
+    """Return the solution that the search from given values of the variables finds, shape (n_variables,).
+
+    Raises:
+        ValueError: As `reach`.
+        DivergenceError: There is no rest state there.
+    """
+    problem = _Problem(at, targets, variables, shape)
+    return problem.solve(problem.fractions(values))
+
+
+def commands_of(at: OperatingPoint, variables: Sequence[Variable]) -> list[CommandDirection]:
+    """Return the command of each variable.
+
+    Raises:
+        ValueError: There is no variable, a name is unknown or means several commands, or bounds are in the wrong order.
+    """
+    commands = [one for variable in variables for one in command_directions(at, variable.name)]
+    if not variables or len(commands) != len(variables):
+        raise ValueError("expected at least one variable, each a single command")
+    bad = [one for one in variables if not one.low < one.high]
+    if bad:
+        raise ValueError(
+            f"{bad[0].name}: got {bad[0].low:g}..{bad[0].high:g}, expected the lower bound first"
+        )
+    return commands
+
+
 class _Problem:
     def __init__(
         self,
-        states: RestStates,
-        rows: np.ndarray,
-        targets: tuple[TargetCoordinate, ...],
-        variables: tuple[Variable, ...],
+        at: OperatingPoint,
+        targets: Sequence[TargetCoordinate],
+        variables: Sequence[Variable],
+        shape: ShapeTarget | None,
     ) -> None:
-        self._states, self._rows, self._targets, self._variables = states, rows, targets, variables
+        if not targets and shape is None:
+            raise ValueError("expected at least one target or a shape")
+        self._places = [point_at(at.model.lattice, target.place, at.model.points) for target in targets]
+        self._states = RestStates(at, commands_of(at, variables))
+        self._targets, self._variables, self._shape = tuple(targets), tuple(variables), shape
+        self._rows = np.array([3 * k + AXES.index(one.axis) for k, one in enumerate(targets)], dtype=int)
         self._wanted = np.array([target.value for target in targets])
         self._weight = np.array([target.weight for target in targets])
         self._low = np.array([variable.low for variable in variables])
         self._range = np.array([variable.high for variable in variables]) - self._low
 
+    def fractions(self, values: np.ndarray) -> np.ndarray:
+        """Return values of the variables as fractions of their ranges, within the bounds, shape (n_variables,)."""
+        return np.array(np.clip((values - self._low) / self._range, 0.0, 1.0))
+
+    def _coordinates(self, flat: np.ndarray) -> np.ndarray:
+        """Return the targets' coordinates, or their changes, from those of the whole model, shape (n_targets,)."""
+        return positions(self._places, flat)[self._rows] if self._targets else np.empty(0)
+
+    def _coordinate_slopes(self) -> np.ndarray:
+        """Return the derivatives of the targets' coordinates by the commands, shape (n_targets, n_variables)."""
+        return np.stack([self._coordinates(move) for move in self._states.moves.T], axis=1)
+
     def _residual(self) -> np.ndarray:
-        return self._weight * (self._states.position[self._rows] - self._wanted)
+        q = self._states.q
+        residual = self._weight * (self._coordinates(q) - self._wanted)
+        return residual if self._shape is None else np.concatenate([residual, self._shape.residual(q)])
 
     def _slope(self) -> np.ndarray:
-        return self._weight[:, None] * self._states.slope[self._rows] * self._range
+        slope = self._weight[:, None] * self._coordinate_slopes()
+        if self._shape is not None:
+            slope = np.vstack([slope, self._shape.slope(self._states.q, self._states.moves)])
+        return np.array(slope * self._range)
 
     def solve(self, fraction: np.ndarray) -> Reached:
         """Go down from fractions of the ranges, shape (n_variables,)."""
@@ -187,7 +231,7 @@ class _Problem:
             move = lsq_linear(slope, -residual, (-fraction - 1e-15, 1.0 - fraction + 1e-15), method="bvls").x
             if not self._shorten(fraction, move, residual, slope):
                 break
-            fraction = (states.values - self._low) / self._range
+            fraction = self.fractions(states.values)
             residual, slope = self._residual(), self._slope()
         return self._result(fraction, residual, slope, steps)
 
@@ -225,18 +269,20 @@ class _Problem:
         states = self._states
         names = [variable.name for variable in self._variables]
         held = [name for name, at in zip(names, fraction, strict=True) if at <= 0.0 or at >= 1.0]
-        position, stability = states.position[self._rows], states.stability()
+        position, stability = self._coordinates(states.q), states.stability()
         return Reached(
             dict(zip(names, states.values.tolist(), strict=True)),
             {target.name: float(x) for target, x in zip(self._targets, position, strict=True)},
             float(np.linalg.norm(residual)),
             self._optimality(residual, slope, fraction),
             tuple(held),
-            states.slope[self._rows],
+            self._coordinate_slopes(),
             stability.eigenvalue,
             stability.is_stable,
             steps,
             states.q.copy(),
+            np.empty(0) if self._shape is None else self._shape.error(states.q),
+            0.0 if self._shape is None else float(np.linalg.norm(self._shape.residual(states.q))),
         )
 
     def same(self, one: Reached, other: Reached) -> bool:

@@ -8,11 +8,9 @@ import numpy as np
 from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.physics.inputs import HeldCommands
-from ldcs_ros.physics.points import Point
 from ldcs_ros.simulation.command_directions import CommandDirection, OperatingPoint, force_slope
 from ldcs_ros.simulation.equilibrium import equilibrium
 from ldcs_ros.simulation.linear_model import stiffness_and_damping
-from ldcs_ros.simulation.sensitivity import positions
 from ldcs_ros.simulation.stability import Stability, stability
 
 # A chord step below it is rounding [m, rad].
@@ -34,14 +32,16 @@ class RestStates:
     Args:
         at: The state near the first equilibrium.
         commands: The commands that change; values count from 0.
-        places: The points whose positions count.
+
+    Attributes:
+        values: Values of the commands, shape (n_commands,).
+        q: Coordinates of the equilibrium [m, rad].
+        moves: Their derivatives by the commands, shape (n_coordinates, n_commands).
     """
 
-    def __init__(
-        self, at: OperatingPoint, commands: Sequence[CommandDirection], places: Sequence[Point]
-    ) -> None:
+    def __init__(self, at: OperatingPoint, commands: Sequence[CommandDirection]) -> None:
         self._model, self._time = at.model, at.time
-        self._commands, self._places = tuple(commands), tuple(places)
+        self._commands = tuple(commands)
         self._base = at.held
         self.values = np.array([command.present(self._base) for command in commands])
         self.q = at.q.copy()
@@ -57,21 +57,6 @@ class RestStates:
             held = command.apply(held, value - command.present(held))
         return held
 
-    @property
-    def position(self) -> np.ndarray:
-        """Positions of the places, one after the other [m], shape (3 n_places,)."""
-        return positions(self._places, self.q)
-
-    @property
-    def slope(self) -> np.ndarray:
-        """Derivative of `position` by the commands, shape (3 n_places, n_commands)."""
-        columns = []
-        for column in self._moves.T:
-            moved = np.zeros_like(self.q)
-            moved[self._model.free] = column
-            columns.append(positions(self._places, moved))
-        return np.array(columns).T
-
     def stability(self) -> Stability:
         """Return the stability of the present rest state."""
         return stability(self._model, self.q, self._time, self.held(self.values))
@@ -82,10 +67,8 @@ class RestStates:
         Raises:
             DivergenceError: There is none near; nothing changed.
         """
-        free, held = self._model.free, self.held(values)
-        q = self.q.copy()
-        q[free] += self._moves @ (values - self.values)
-        q = self._newton(q, held)
+        held = self.held(values)
+        q = self._newton(self.q + self.moves @ (values - self.values), held)
         self.q, self.values = q, np.array(values)
         self._factor()
 
@@ -119,4 +102,5 @@ class RestStates:
             force_slope(self._model, self._time, self.q, self._still, held, command)
             for command in self._commands
         ]
-        self._moves = -self._factors.solve(np.array(slopes).T)
+        self.moves = np.zeros((len(self.q), len(slopes)))
+        self.moves[self._model.free] = -self._factors.solve(np.array(slopes).T)
