@@ -10,56 +10,56 @@ from ldcs_ros.physics.compiled import compiled
 
 
 @compiled
-def fill_column_frames(x, nx, ny, frames):  # type: ignore[no-untyped-def]
-    """Write the axes of each column's frame as columns, shape (nx ny, 3, 3), from node positions [m], (2 nx ny, 3).
+def fill_column_frames(x, neighbours, frames):  # type: ignore[no-untyped-def]
+    """Write the axes of each column's frame as columns, shape (n, 3, 3), from node positions [m], shape (2 n, 3).
 
     The normal points from the bottom to the top node: springs along it are the stiffest of a fine lattice. Tangents
-    along x and y are central differences of both layers (one-sided at the edges), made perpendicular to the normal.
+    along x and y are differences of both layers between the columns that `neighbours` names, shape (n, 4): ahead and
+    before along x, then along y; central ones inside, one-sided at edges and holes. They are made perpendicular to
+    the normal.
     The other two axes lie halfway between the tangents, so that shear favours neither. A column whose tangents or
     normal have no direction gets the axes of ldcs_base.
     """
-    layer = nx * ny
+    layer = len(neighbours)
     along, across, normal = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(nx):
-        for j in range(ny):
-            # Column (i, j) is number i ny + j, and its top node has the same number after a whole layer.
-            ahead, before = min(i + 1, nx - 1) * ny + j, max(i - 1, 0) * ny + j
-            left, right = i * ny + min(j + 1, ny - 1), i * ny + max(j - 1, 0)
-            square = slope_along = slope_across = 0.0
+    for k in range(layer):
+        # The bottom node of column k is node k, and its top node has the same number after a whole layer.
+        ahead, before, left, right = neighbours[k]
+        square = slope_along = slope_across = 0.0
+        for r in range(3):
+            along[r] = x[ahead, r] + x[layer + ahead, r] - x[before, r] - x[layer + before, r]
+            across[r] = x[left, r] + x[layer + left, r] - x[right, r] - x[layer + right, r]
+            normal[r] = x[layer + k, r] - x[k, r]
+            square += normal[r] ** 2
+            slope_along += along[r] * normal[r]
+            slope_across += across[r] * normal[r]
+        square_along = square_across = product = 0.0
+        for r in range(3):
+            along[r] -= slope_along / square * normal[r]
+            across[r] -= slope_across / square * normal[r]
+            square_along += along[r] ** 2
+            square_across += across[r] ** 2
+            product += along[r] * across[r]
+        frame = frames[k]
+        # Not a number where top and bottom coincide.
+        if not square_along * square_across - product**2 > 1e-12 * square_along * square_across:
             for r in range(3):
-                along[r] = x[ahead, r] + x[layer + ahead, r] - x[before, r] - x[layer + before, r]
-                across[r] = x[left, r] + x[layer + left, r] - x[right, r] - x[layer + right, r]
-                normal[r] = x[layer + i * ny + j, r] - x[i * ny + j, r]
-                square += normal[r] ** 2
-                slope_along += along[r] * normal[r]
-                slope_across += across[r] * normal[r]
-            square_along = square_across = product = 0.0
-            for r in range(3):
-                along[r] -= slope_along / square * normal[r]
-                across[r] -= slope_across / square * normal[r]
-                square_along += along[r] ** 2
-                square_across += across[r] ** 2
-                product += along[r] * across[r]
-            frame = frames[i * ny + j]
-            # Not a number where top and bottom coincide.
-            if not square_along * square_across - product**2 > 1e-12 * square_along * square_across:
-                for r in range(3):
-                    for t in range(3):
-                        frame[r, t] = 1.0 if r == t else 0.0
-                continue
-            # Of unit tangents a and b, a + b and a - b are perpendicular; both axes lie at 45 degrees to them.
-            sum_square = difference_square = 0.0
-            for r in range(3):
-                along[r] /= math.sqrt(square_along)
-                across[r] /= math.sqrt(square_across)
-                sum_square += (along[r] + across[r]) ** 2
-                difference_square += (along[r] - across[r]) ** 2
-            for r in range(3):
-                half_sum = (along[r] + across[r]) / math.sqrt(2.0 * sum_square)
-                half_difference = (along[r] - across[r]) / math.sqrt(2.0 * difference_square)
-                frame[r, 0] = half_sum + half_difference
-                frame[r, 1] = half_sum - half_difference
-                frame[r, 2] = normal[r] / math.sqrt(square)
+                for t in range(3):
+                    frame[r, t] = 1.0 if r == t else 0.0
+            continue
+        # Of unit tangents a and b, a + b and a - b are perpendicular; both axes lie at 45 degrees to them.
+        sum_square = difference_square = 0.0
+        for r in range(3):
+            along[r] /= math.sqrt(square_along)
+            across[r] /= math.sqrt(square_across)
+            sum_square += (along[r] + across[r]) ** 2
+            difference_square += (along[r] - across[r]) ** 2
+        for r in range(3):
+            half_sum = (along[r] + across[r]) / math.sqrt(2.0 * sum_square)
+            half_difference = (along[r] - across[r]) / math.sqrt(2.0 * difference_square)
+            frame[r, 0] = half_sum + half_difference
+            frame[r, 1] = half_sum - half_difference
+            frame[r, 2] = normal[r] / math.sqrt(square)
 
 
 @compiled

@@ -204,6 +204,24 @@ class Lattice:
         return np.flatnonzero(np.tile(~corner.ravel(), 2))
 
     @cached_property
+    def column_neighbours(self) -> np.ndarray:
+        """Columns ahead and before along x, then along y, of each column, shape (nx ny, 4).
+
+        Where the sheet ends, at an edge or at a hole, a column is its own neighbour.
+        """
+        column = np.arange(self.nodes[0] * self.nodes[1])
+        i, j = np.divmod(column, self.nodes[1])
+        last_i, last_j = self.nodes[0] - 1, self.nodes[1] - 1
+        places = (
+            (np.minimum(i + 1, last_i), j),
+            (np.maximum(i - 1, 0), j),
+            (i, np.minimum(j + 1, last_j)),
+            (i, np.maximum(j - 1, 0)),
+        )
+        neighbours = np.stack([self.index[0][place] for place in places], axis=1)
+        return np.where(np.isin(neighbours, self.missing), column[:, None], neighbours)
+
+    @cached_property
     def _whole_cells(self) -> np.ndarray | None:
         # Cells without a corner inside of a hole, shape (nx - 1, ny - 1); None where there are no holes.
         if not self.holes:

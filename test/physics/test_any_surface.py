@@ -7,8 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ldcs_ros.errors import SceneError
+from ldcs_ros.physics.column_frames import fill_column_frames
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.physics.shapes import Disc, Polygon, Rectangle, SheetRegion
@@ -208,6 +210,16 @@ def test_a_free_sheet_with_a_hole_and_regions_keeps_its_momentum(law):
     np.testing.assert_allclose(after, before, atol=1e-6 * np.abs(before).max() + 1e-9)
     assert np.isnan(simulation.state.position[simulation.lattice.missing]).all()
     assert np.isfinite(simulation.state.position[kept]).all()
+
+
+def test_columns_beside_a_hole_turn_with_the_sheet_and_not_with_the_nodes_that_it_lacks():
+    lattice = Lattice((0.2, 0.12, 0.006), (17, 13), 0.16, holes=(Disc((0.1, 0.0), 0.03),))
+    turn, kept = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.setdiff1d(np.arange(17 * 13), lattice.missing)
+    moved = lattice.reference_position @ turn.T + [0.1, -0.2, 0.3]
+    moved[lattice.missing] = lattice.reference_position[lattice.missing]
+    frames = np.empty((17 * 13, 3, 3))
+    fill_column_frames(moved, lattice.column_neighbours, frames)
+    np.testing.assert_allclose(frames[kept], np.broadcast_to(turn, (len(kept), 3, 3)), atol=1e-12)
 
 
 def test_clamps_hold_a_part_of_an_edge_and_a_box():

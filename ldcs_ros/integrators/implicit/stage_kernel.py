@@ -91,6 +91,7 @@ def _step(  # type: ignore[no-untyped-def]
     free,
     order,
     columns,
+    neighbours,
     then,
     inverse,
     link,
@@ -110,7 +111,7 @@ def _step(  # type: ignore[no-untyped-def]
     u,
 ):
     # weights: masses of nodes, then reach of coordinates. numbers: step, step ratio, allowed displacement, contraction
-    # rate to expect, most iterations, factor on the solution, time ahead of the second rotation, columns along x, y,
+    # rate to expect, most iterations, factor on the solution, time ahead of the second rotation,
     # error from which on the filter is worth its solve.
     # past_a: acceleration at the start of the last step and at its end. jump: that of the force where commands changed
     # at the start, free coordinates, or empty; `steady` holds its correction already. q, u: start, become the end.
@@ -135,11 +136,10 @@ def _step(  # type: ignore[no-untyped-def]
         q[k] = known[0, i] + rate_step * u[k]
     turns = np.empty((2, columns.size, 3, 3))
     if columns.size > 0:
-        nx, ny = int(numbers[7]), int(numbers[8])
-        now = np.empty((nx * ny, 3, 3))
-        fill_column_frames(q[:first].reshape(-1, 3), nx, ny, now)
+        now = np.empty((len(neighbours), 3, 3))
+        fill_column_frames(q[:first].reshape(-1, 3), neighbours, now)
         fill_rotations(now, then, columns, turns[0])
-        fill_column_frames((q[:first] + numbers[6] * u[:first]).reshape(-1, 3), nx, ny, now)
+        fill_column_frames((q[:first] + numbers[6] * u[:first]).reshape(-1, 3), neighbours, now)
         fill_rotations(now, then, columns, turns[1])
     # The jump of acceleration that lasts through the step. The formula takes the history for one with that jump: past
     # rates through the correction in `steady`, past positions here.
@@ -198,7 +198,7 @@ def _step(  # type: ignore[no-untyped-def]
                 unforeseen = changed - ratio * (past_a[1, i] - past_a[0, i])
                 error = max(error, factor * weights[1, i] * max(abs(changed), RATE_WEIGHT * abs(unforeseen)))
                 residual[i] = factor * (changed + rate_step / h * unforeseen)
-            if error > numbers[9]:
+            if error > numbers[7]:
                 # W^-1 M takes away what stiff parts have forgotten at the end of the step (Hairer and Wanner, IV.8).
                 _times_mass(inertia, weights[0], residual, n_nodes)
                 _solve(
@@ -282,7 +282,6 @@ class StageKernel:
         tau = self._model.relaxation_time
         rate_step = (1.0 + ratio) / (1.0 + 2.0 * ratio) * h
         ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
-        nx, ny = self._model.lattice.nodes
         scale = self.system.rescaling(factors, rate_step)
         done, worst, error = _step(
             self.force.tables,
@@ -292,6 +291,7 @@ class StageKernel:
             self._model.free,
             self.system.order,
             self._columns,
+            self._model.lattice.column_neighbours,
             factors.frames,
             blocks.inverse,
             blocks.link,
@@ -301,7 +301,7 @@ class StageKernel:
             np.stack([border, reach]) if border.size else np.zeros((2, len(border), 0)),
             corner,
             self._weights,
-            np.array([h, ratio, allowed, rate, iterations, scale, ahead, nx, ny, tolerance]),
+            np.array([h, ratio, allowed, rate, iterations, scale, ahead, tolerance]),
             past.q,
             past.u,
             accelerations,

@@ -341,12 +341,12 @@ class LinearSystem:
 
     def frames(self, q: np.ndarray) -> np.ndarray:
         """Return the frames of all columns at coordinates q, shape (n_columns, 3, 3); undefined where nothing turns."""
-        nx, ny = self.model.lattice.nodes
-        frames = np.empty((nx * ny, 3, 3))
+        neighbours = self.model.lattice.column_neighbours
+        frames = np.empty((len(neighbours), 3, 3))
         if self._columns is not None:
             from ldcs_ros.physics.column_frames import fill_column_frames
 
-            fill_column_frames(q[: 6 * nx * ny].reshape(-1, 3), nx, ny, frames)
+            fill_column_frames(q[: 6 * len(neighbours)].reshape(-1, 3), neighbours, frames)
         return frames
 
     def _angles(self, q: np.ndarray) -> np.ndarray:
