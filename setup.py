@@ -56,8 +56,12 @@ setup(
         "rig": ["pymodbus>=3.16", "pyserial"],
         # What `ldcs view` shows bags and running twins with.
         "view": ["rerun-sdk>=0.39"],
-        # What `ldcs study --scheduler` needs to use more than one machine.
+        # What `ldcs study` and `ldcs sweep` need with --scheduler, to use more than one machine.
         "cluster": ["distributed"],
+        # What `to_pandas`, `to_xarray`, Parquet and netCDF need.
+        "data": ["pandas", "pyarrow", "xarray"],
+        # What the environments for reinforcement learning are made of.
+        "rl": ["gymnasium>=1.0"],
         # What `simulation.linearize().to_control()` returns.
         "control": ["control"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.

@@ -24,7 +24,7 @@ class DivergenceError(LdcsError, RuntimeError):
 
 
 class RecordingError(LdcsError, OSError):
-    """A bag cannot be opened, written or repaired."""
+    """A bag or a table cannot be opened, written or repaired."""
 
 
 class MappingError(LdcsError, ValueError):
@@ -37,6 +37,10 @@ class BridgeError(LdcsError, ValueError):
 
 class LinkError(LdcsError, OSError):
     """A link to a rig is down; the bridge vents, says so and tries again."""
+
+
+class MissingPackageError(LdcsError, ImportError):
+    """An optional package is needed and not installed; the message has the command that installs it."""
 
 
 class ViewingError(LdcsError, OSError):

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 
 from ldcs_ros.cli.arguments import add_picture_arguments, metres
-from ldcs_ros.cli.output import open_bag, print_json, print_pairs
+from ldcs_ros.cli.output import open_bag_or_table, print_json, print_pairs
+from ldcs_ros.cli.scene_argument import add_map, given_mapping
 
 DESCRIPTION = """\
 Compare two recordings: two runs of the twin, or a run with a rig's bag. A constant offset of the clocks is estimated
@@ -28,15 +29,13 @@ EXIT_CHECK_FAILED = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
-    parser.add_argument("a", metavar="A", type=Path, help="bag folder, .mcap or .db3 file")
+    parser.add_argument("a", metavar="A", type=Path, help="bag folder, .mcap, .db3, .csv or .parquet file")
     parser.add_argument("b", metavar="B", type=Path, help="the one that A is compared with")
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, help="folder for the report; A_vs_B beside A"
     )
     for side in ("a", "b"):
-        parser.add_argument(
-            f"--map-{side}", metavar="FILE", type=Path, help=f"what the topics of {side.upper()} mean (YAML)"
-        )
+        add_map(parser, side)
     add_picture_arguments(parser)
     parser.add_argument("--tolerances", metavar="FILE", type=Path, help="limits to check (YAML)")
     parser.add_argument(
@@ -63,14 +62,14 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.compare.tolerances import load_tolerances
     from ldcs_ros.plotting.comparison import draw_comparison
     from ldcs_ros.plotting.style import STYLES
-    from ldcs_ros.signals import load_mapping
 
     offset, estimate = _offset(arguments.offset)
+    (recording_a, mapping_a), (recording_b, mapping_b) = (
+        open_bag_or_table(path, given_mapping(arguments, side))
+        for path, side in ((arguments.a, "a"), (arguments.b, "b"))
+    )
     options = Options(
-        mappings=(
-            None if arguments.map_a is None else load_mapping(arguments.map_a),
-            None if arguments.map_b is None else load_mapping(arguments.map_b),
-        ),
+        mappings=(mapping_a, mapping_b),
         offset=offset,
         estimate=estimate,
         measured=arguments.measured,
@@ -78,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         side_length=arguments.side_length,
         tolerances=None if arguments.tolerances is None else load_tolerances(arguments.tolerances),
     )
-    comparison = compare(open_bag(arguments.a), open_bag(arguments.b), options)
+    comparison = compare(recording_a, recording_b, options)
     folder = arguments.output or arguments.a.with_name(f"{arguments.a.stem}_vs_{arguments.b.stem}")
     folder.mkdir(parents=True, exist_ok=True)
     pictures = draw_comparison(comparison, folder, kind=arguments.format, style=STYLES[arguments.width])

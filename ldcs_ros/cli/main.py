@@ -33,6 +33,7 @@ VERBS: dict[str, Verb] = {
     "compare": Verb("ldcs_ros.cli.compare", "compare two bags: numbers, pictures, limits"),
     "plot": Verb("ldcs_ros.cli.plot", "draw a bag: surface, points, drives, moving picture"),
     "view": Verb("ldcs_ros.cli.view", "show a bag, or a running twin, in a browser"),
+    "export": Verb("ldcs_ros.cli.export", "write a bag as a table: CSV, Parquet, netCDF"),
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "reach": Verb("ldcs_ros.cli.reach", "find the commands under which points rest at their targets"),
     "sensitivity": Verb("ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"),

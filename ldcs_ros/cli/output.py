@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
     from ldcs_ros.bags import Recording
+    from ldcs_ros.signals import Mapping
 
 
 def print_json(result: object) -> None:
@@ -39,6 +40,20 @@ def open_bag(path: Path) -> Recording:
     recording = read_bag(path)
     print_notes(path, recording.notes)
     return recording
+
+
+def open_bag_or_table(path: Path, mapping: Mapping | None) -> tuple[Recording, Mapping | None]:
+    """Return the recording of a bag or a table and its mapping; omissions are printed on stderr.
+
+    Raises:
+        RecordingError: It cannot be read.
+        MappingError: The mapping does not fit.
+    """
+    from ldcs_ros.signals.tables import open_recording
+
+    recording, mapping = open_recording(path, mapping)
+    print_notes(path, recording.notes)
+    return recording, mapping
 
 
 def print_notes(path: Path, notes: Iterable[str]) -> None:

@@ -31,7 +31,7 @@ EXIT_INTERRUPTED = 130
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
-    parser.add_argument("source", metavar="BAG", type=Path, help="bag folder, .mcap or .db3 file")
+    parser.add_argument("source", metavar="BAG", type=Path, help="bag folder, .mcap, .db3, .csv or .parquet file")
     parser.add_argument("--bag", metavar="DIR", type=Path, required=True, help="new bag folder")
     add_map(parser)
     parser.add_argument("--scene", metavar="SCENE", help="another scene than the recorded one")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ldcs_ros.cli.arguments import CommandLineError
 from ldcs_ros.cli.overrides import apply_overrides
 
 if TYPE_CHECKING:
@@ -27,22 +28,41 @@ def add_set(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_map(parser: argparse.ArgumentParser) -> None:
-    """Declare `--map FILE`."""
+def add_map(parser: argparse.ArgumentParser, side: str = "") -> None:
+    """Declare `--map FILE` and `--columns NAME=COLUMN,...:UNIT ...`, with `-a` or `-b` behind for one of two sides."""
+    end, whose = (f"-{side}", f" of {side.upper()}") if side else ("", "")
     parser.add_argument(
-        "--map", metavar="FILE", dest="mapping", type=Path, help="meaning of the topics of a rig's bag (YAML)"
+        f"--map{end}",
+        metavar="FILE",
+        type=Path,
+        help=f"meaning of the topics of a rig's bag, or of a table's columns{whose} (YAML)",
+    )
+    parser.add_argument(
+        f"--columns{end}",
+        metavar="NAME=COLUMN,..:UNIT",
+        nargs="+",
+        default=[],
+        help=f"the same for a table{whose} in words: time=t:ms pressure_command=p1,p2:kPa P1=x,y,z:mm",
     )
 
 
-def given_mapping(arguments: argparse.Namespace) -> Mapping | None:
-    """Return the mapping of `--map`; None without it.
+def given_mapping(arguments: argparse.Namespace, side: str = "") -> Mapping | None:
+    """Return the mapping of `--map` or `--columns`; None without them.
 
     Raises:
-        MappingError: The file is not sound.
+        MappingError: The file or a word is not sound.
+        CommandLineError: Both are given.
     """
     from ldcs_ros.signals import load_mapping
+    from ldcs_ros.signals.tables import columns_mapping
 
-    return None if arguments.mapping is None else load_mapping(arguments.mapping)
+    end = f"_{side}" if side else ""
+    file, words = getattr(arguments, f"map{end}"), getattr(arguments, f"columns{end}")
+    if file is not None and words:
+        raise CommandLineError("got a mapping file and --columns, expected one of them")
+    if words:
+        return columns_mapping(words)
+    return None if file is None else load_mapping(file)
 
 
 def scene_of(bag: Path, arguments: argparse.Namespace) -> Scene:
@@ -55,10 +75,11 @@ def scene_of(bag: Path, arguments: argparse.Namespace) -> Scene:
     from ldcs_ros.bags import read_bag
     from ldcs_ros.errors import SceneError
     from ldcs_ros.signals.topics import recorded_scene
+    from ldcs_ros.tables.read import is_table
 
     if arguments.scene is not None:
         return scene_with(arguments.scene, arguments.overrides)
-    scene = recorded_scene(read_bag(bag))
+    scene = None if is_table(bag) else recorded_scene(read_bag(bag))
     if scene is None:
         raise SceneError(f"{bag} does not say what it is a recording of; name a scene with --scene")
     return changed_scene(scene, arguments.overrides)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ldcs_ros.bags import Recording, read_bag
+from ldcs_ros.bags import Recording
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.external_bag import mapped_commands
@@ -20,6 +20,7 @@ from ldcs_ros.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.series import Series
 from ldcs_ros.signals.signals import read_signals
+from ldcs_ros.signals.tables import open_recording
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.twin.commands import Commands, Refusal
 
@@ -69,12 +70,12 @@ class Experiment:
 def read_experiment(
     bag: str | os.PathLike[str], scene: Scene, *, mapping: Mapping | None = None, noise: float | None = None
 ) -> Experiment:
-    """Return the experiment of a bag.
+    """Return the experiment of a bag or a table.
 
     Args:
-        bag: A bag of a twin or of a rig.
+        bag: A bag of a twin or of a rig, or a table (CSV, Parquet).
         scene: The scene that is to be fitted; its points are compared.
-        mapping: Meaning of a rig's topics; None to go by names and types.
+        mapping: Meaning of a rig's topics or a table's columns; None to go by names and types.
         noise: Standard deviation of a measured coordinate [m]; None to take the recorded scene's, or to estimate it.
 
     Raises:
@@ -82,7 +83,7 @@ def read_experiment(
         MappingError: The mapping does not fit the bag.
         IdentificationError: No point of the scene was tracked, or a command does not fit the scene.
     """
-    recording = read_bag(bag)
+    recording, mapping = open_recording(bag, mapping)
     check_span(recording)
     name = Path(bag).name
     recorded = recorded_run(recording) if mapping is None else None

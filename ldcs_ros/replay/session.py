@@ -18,6 +18,7 @@ from ldcs_ros.replay.verdict import Verdict, compare_runs
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport
+from ldcs_ros.signals.tables import open_recording
 from ldcs_ros.signals.topics import recorded_scene
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
@@ -92,10 +93,10 @@ def replay(
     A bag of our own is repeated unchanged; with a mapping it is read like a rig's.
 
     Args:
-        bag: The bag.
+        bag: The bag, or a table (CSV, Parquet).
         folder: The new bag.
         changes: Deviations from the original.
-        mapping: Meaning of a rig's topics; None to go by names and types.
+        mapping: Meaning of a rig's topics or a table's columns; None to go by names and types.
         progress: Called with the simulation time and the end [s].
         stop: Asked at each event; True ends early.
 
@@ -105,7 +106,8 @@ def replay(
         MappingError: The mapping does not fit the bag.
         DivergenceError: The simulation cannot go on; the bag holds all messages before that.
     """
-    recording, changes = read_bag(bag), changes or Changes()
+    changes = changes or Changes()
+    recording, mapping = open_recording(bag, mapping)
     if changes.duration is None:
         check_span(recording)
     run = recorded_run(recording) if mapping is None else None

@@ -1,4 +1,4 @@
-"""The meaning of a bag's topics: the mapping file of a rig, and the names that this project writes itself."""
+"""The meaning of a bag's topics or a table's columns: a mapping file, and the names this project writes itself."""
 
 from __future__ import annotations
 

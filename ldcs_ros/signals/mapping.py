@@ -13,12 +13,22 @@ commands:
 measurements:
   - {topic: /trakstar_msg, to: P0, child: trakstar0, unit: mm, translation: [0.05, 0, 0], rotation: [0, 0, 0, 1]}
   - {topic: /gauges, to: left/pressure, unit: psi, index: 0}
+
+A table (CSV, Parquet) has columns in place of topics, and a column of times:
+
+time: {column: t, unit: ms}    # s if not said; dates (ISO 8601) need no unit
+commands:
+  - {columns: [p_left, p_right], to: pressure_command, unit: kPa, arms: [left, right]}
+measurements:
+  - {columns: [x, y, z], to: P1, unit: mm, translation: [0.05, 0, 0], rotation: [0, 0, 0, 1]}
+  - {columns: [p_measured], to: left/pressure, unit: kPa, absolute: true}
 """
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +42,7 @@ TORQUE = {"N m": 1.0, "mN m": 1e-3}
 FORCE = {"N": 1.0, "mN": 1e-3}
 LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 ANGLE = {"rad": 1.0, "deg": 0.017453292519943295}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 # Command -> the units that it may come in.
 COMMANDS = {
@@ -41,16 +52,27 @@ COMMANDS = {
 }
 _CHECKS = Checks(MappingError)
 _TOP = ("time", "initial", "late", "gap", "ambient_pressure", "commands", "measurements")
-_COMMAND = ("topic", "to", "unit", "field", "arms", "joints", "frame", "absolute")
-_MEASUREMENT = ("topic", "to", "unit", "field", "child", "translation", "rotation", "absolute", "index")
+_COMMAND = ("topic", "columns", "to", "unit", "field", "arms", "joints", "frame", "absolute")
+_MEASUREMENT = (
+    "topic",
+    "columns",
+    "to",
+    "unit",
+    "field",
+    "child",
+    "translation",
+    "rotation",
+    "absolute",
+    "index",
+)
 
 
 @dataclass(frozen=True)
 class CommandSource:
-    """A topic that commands the rig.
+    """A topic, or columns of a table, that command the rig.
 
     Attributes:
-        topic: Its name in the bag.
+        topic: Its name in the bag; the names of the columns with commas between.
         to: Corresponding input of the twin: pressure_command, torque_command or external_wrench.
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
@@ -59,6 +81,7 @@ class CommandSource:
         frame: Frame of a wrench; '' to take the message's own.
         offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
             of the message type.
+        columns: Columns of a table, one for each number of a message; () for a topic.
     """
 
     topic: str
@@ -69,14 +92,15 @@ class CommandSource:
     joints: tuple[str, ...] = ()
     frame: str = ""
     offset: float | None = None
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class MeasurementSource:
-    """A topic that reports a measurement.
+    """A topic, or columns of a table, that report a measurement.
 
     Attributes:
-        topic: Its name in the bag.
+        topic: Its name in the bag; the names of the columns with commas between.
         to: The measured quantity: a point (`P0`), `<arm>/pressure`, or a joint (`joint/<name>`).
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
@@ -86,6 +110,7 @@ class MeasurementSource:
         offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
             of the message type.
         index: Index of the element of an array; None for a message with one value.
+        columns: Columns of a table, one for each number of a message; () for a topic.
     """
 
     topic: str
@@ -97,11 +122,25 @@ class MeasurementSource:
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     offset: float | None = None
     index: int | None = None
+    columns: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """The column of a table that has the times.
+
+    Attributes:
+        column: Its name.
+        scale: Factor from its unit to seconds.
+    """
+
+    column: str
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """The meaning of a bag's topics.
+    """The meaning of a bag's topics, or of a table's columns.
 
     Attributes:
         commands: Topics that command.
@@ -112,6 +151,7 @@ class Mapping:
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five of the topic's usual periods.
         ambient_pressure: Pressure of the surrounding air [Pa].
+        time_column: Times of a table's rows; None for a bag.
     """
 
     commands: tuple[CommandSource, ...] = ()
@@ -121,6 +161,7 @@ class Mapping:
     late: float = 0.1
     gap: float | None = None
     ambient_pressure: float = STANDARD_ATMOSPHERE
+    time_column: TimeColumn | None = None
 
 
 def load_mapping(path: str | os.PathLike[str]) -> Mapping:
@@ -157,27 +198,76 @@ def parse_mapping(content: object) -> Mapping:
     if not commands and not measurements:
         raise MappingError("nothing is mapped; name topics under commands or measurements")
     gap = block.get("gap")
+    time = block.get("time")
+    time_column = _time_column(time) if isinstance(time, dict) else None
+    _check_places(commands, "commands", time_column)
+    _check_places(measurements, "measurements", time_column)
     return Mapping(
         commands=commands,
         measurements=measurements,
-        time=_CHECKS.choice(block["time"], ("log", "stamp"), "time") if "time" in block else None,
+        time=_CHECKS.choice(time, ("log", "stamp"), "time") if "time" in block and not time_column else None,
         initial=_CHECKS.choice(block.get("initial", "rest"), ("rest", "start"), "initial"),
         late=_CHECKS.number(block.get("late", 0.1), "late", low=0.0),
         gap=None if gap is None else _CHECKS.number(gap, "gap", low=1e-9),
         ambient_pressure=ambient,
+        time_column=time_column,
     )
 
 
+def _check_places(
+    sources: Sequence[CommandSource | MeasurementSource], name: str, time_column: TimeColumn | None
+) -> None:
+    for k, source in enumerate(sources):
+        if source.columns and time_column is None:
+            raise MappingError(
+                f"got columns, expected a topic, or time: {{column: NAME}} for a table @ {name}[{k}]"
+            )
+        if not source.columns and time_column is not None:
+            raise MappingError(
+                f"got a topic, expected columns, as time names a column of a table @ {name}[{k}]"
+            )
+
+
+def _time_column(block: dict[str, Any]) -> TimeColumn:
+    _CHECKS.keys(block, ("column", "unit"), "time", required=("column",))
+    return TimeColumn(
+        _CHECKS.text(block["column"], "time.column"), _unit(block.get("unit"), TIME, "time.unit")
+    )
+
+
+def _source(block: dict[str, Any], path: str, count: int | None) -> tuple[str, tuple[str, ...]]:
+    """Return the topic and the columns of an entry, which has one of the two; `count` columns, None for any number."""
+    if ("topic" in block) == ("columns" in block):
+        raise MappingError(f"got {sorted(block)}, expected either topic or columns @ {path}")
+    if "topic" in block:
+        return _CHECKS.text(block["topic"], f"{path}.topic"), ()
+    for key in ("field", "child", "index"):
+        if key in block:
+            raise MappingError(f"got {key}, which is of messages, beside columns; name each column @ {path}")
+    columns = tuple(
+        _CHECKS.text(column, f"{path}.columns")
+        for column in _CHECKS.items(block["columns"], f"{path}.columns")
+    )
+    if not columns or (count is not None and len(columns) != count):
+        raise MappingError(f"got {len(columns)} columns, expected {count or 'one or more'} @ {path}.columns")
+    return ",".join(columns), columns
+
+
 def _command(entry: object, path: str, ambient: float) -> CommandSource:
-    block = _CHECKS.keys(entry, _COMMAND, path, required=("topic", "to"))
+    block = _CHECKS.keys(entry, _COMMAND, path, required=("to",))
     to = _CHECKS.choice(block["to"], COMMANDS, f"{path}.to")
+    topic, columns = _source(block, path, 3 if to == "external_wrench" else None)
+    if columns and to == "external_wrench" and "frame" not in block:
+        raise MappingError(
+            f"got no frame, expected the one that the force acts at, such as P1_aligned @ {path}.frame"
+        )
     arms = tuple(
         _CHECKS.text(arm, f"{path}.arms") for arm in _CHECKS.items(block.get("arms", []), f"{path}.arms")
     )
     if ("arms" in block and not arms) or len(set(arms)) != len(arms):
         raise MappingError(f"got {list(arms)}, expected one or more different arms @ {path}.arms")
     return CommandSource(
-        topic=_CHECKS.text(block["topic"], f"{path}.topic"),
+        topic=topic,
         to=to,
         scale=_unit(block.get("unit"), COMMANDS[to], f"{path}.unit"),
         field=_CHECKS.text(block.get("field", ""), f"{path}.field"),
@@ -188,11 +278,12 @@ def _command(entry: object, path: str, ambient: float) -> CommandSource:
         ),
         frame=_CHECKS.text(block.get("frame", ""), f"{path}.frame"),
         offset=_offset(block, path, ambient),
+        columns=columns,
     )
 
 
 def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
-    block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("topic", "to"))
+    block = _CHECKS.keys(entry, _MEASUREMENT, path, required=("to",))
     to = _CHECKS.text(block["to"], f"{path}.to")
     arm, _, quantity = to.partition("/")
     if arm.isidentifier() and quantity == "pressure":
@@ -205,6 +296,7 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         raise MappingError(
             f"got {to!r}, expected a point such as P0, ARM/pressure such as left/pressure, or joint/NAME @ {path}.to"
         )
+    topic, columns = _source(block, path, 3 if known is LENGTH else 1)
     index = block.get("index")
     if index is not None:
         index = _CHECKS.whole(index, f"{path}.index", low=0)
@@ -215,7 +307,7 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         raise MappingError(f"got {list(rotation)}, expected a unit quaternion [x, y, z, w] @ {path}.rotation")
     x, y, z, w = (part / length for part in rotation)
     return MeasurementSource(
-        topic=_CHECKS.text(block["topic"], f"{path}.topic"),
+        topic=topic,
         to=to,
         scale=_unit(block.get("unit"), known, f"{path}.unit"),
         field=_CHECKS.text(block.get("field", ""), f"{path}.field"),
@@ -224,6 +316,7 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         rotation=(x, y, z, w),
         offset=_offset(block, path, ambient),
         index=index,
+        columns=columns,
     )
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ldcs_ros.simulation.linear_model import LinearModel
     from ldcs_ros.simulation.sensitivity import StaticSensitivity
     from ldcs_ros.simulation.stability import Stability
+    from ldcs_ros.tables.run import Run
 
 DEFAULT_INTEGRATOR = "esdirk43"
 
@@ -164,6 +165,23 @@ class Simulation:
                 self._advance(time)
         finally:
             self._count(wall_clock.perf_counter() - started)
+
+    def run(self, duration: float, *, every: float = 0.01) -> Run:
+        """Advance by a duration [s] and return what happened, at the present time and `every` so often [s] after it.
+
+        Raises:
+            ValueError: A time is not finite or not above zero.
+            DivergenceError: As `advance_to`.
+        """
+        from ldcs_ros.simulation.run import RunCollector, sample_times
+
+        collected = RunCollector(
+            self.lattice, self.points, self.arm_names, self.joint_names, self.joint_index
+        )
+        for time in sample_times(self.time, duration, every):
+            self.advance_to(time)
+            collected.add(self.state, self.inputs.pressure)
+        return collected.run(self.scene.name)
 
     @property
     def state(self) -> State:

@@ -34,7 +34,7 @@ ROSDEP_KEY = {
     "zstandard": "mcap-ros2-support",
 }
 # No rosdep key: a comment of package.xml names them.
-FROM_PYPI = {"threadpoolctl"}
+FROM_PYPI = {"gymnasium", "pandas", "pyarrow", "threadpoolctl", "xarray"}
 # What a wheel is called where its name is neither that of the import nor that of a ROS package.
 WHEEL = {
     "PIL": "pillow",

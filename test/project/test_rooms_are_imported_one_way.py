@@ -16,7 +16,9 @@ PACKAGE = ROOT / "ldcs_ros"
 # A room imports rooms above its own line only. This is the one declaration of the order.
 ORDER = (
     "errors",
+    "extras",
     "schema",
+    "tables",
     "sensors",
     "bags",
     "physics",

@@ -12,8 +12,16 @@ from ldcs_ros.signals import mapping as mapping_module
 from ldcs_ros.signals.mapping import parse_mapping
 
 
+def test_the_example_of_a_table_is_a_mapping(tmp_path):
+    (tmp_path / "map.yaml").write_text(mapping_module.__doc__.split("column of times:\n\n", 1)[1])
+    mapping = load_mapping(tmp_path / "map.yaml")
+    assert mapping.time_column.column == "t" and mapping.time_column.scale == 1e-3
+    assert mapping.commands[0].columns == ("p_left", "p_right")
+    assert mapping.measurements[1].offset == mapping.ambient_pressure
+
+
 def test_the_example_in_the_documentation_is_a_mapping(tmp_path):
-    text = mapping_module.__doc__.split("\n\n", 1)[1]
+    text = mapping_module.__doc__.split("\n\n", 1)[1].split("\n\nA table", 1)[0]
     (tmp_path / "map.yaml").write_text(re.sub(r"^    ", "", text, flags=re.MULTILINE))
     mapping = load_mapping(tmp_path / "map.yaml")
     assert [source.to for source in mapping.commands] == [
@@ -41,7 +49,11 @@ TRACKER = {"topic": "/tracker", "to": "P0"}
         ({"commands": {}}, "nothing is mapped"),
         ({"commands": "x"}, "expected a list @ commands"),
         ({"commands": ["x"]}, r"@ commands\[0\]"),
-        ({"commands": [{"to": "pressure_command"}]}, "missing key 'topic'"),
+        ({"commands": [{"to": "pressure_command"}]}, "expected either topic or columns"),
+        ({"commands": [{**VALVES, "columns": ["p"]}]}, "expected either topic or columns"),
+        ({"commands": [{"to": "pressure_command", "columns": ["p"]}]}, "expected a topic, or time"),
+        ({"commands": [VALVES], "time": {"column": "t"}}, r"expected columns, as time names .* @ commands\[0\]"),
+        ({"commands": [VALVES], "time": {"name": "t"}}, "unknown key 'name'"),
         ({"commands": [{**VALVES, "to": "pressure"}]}, "expected one of .*pressure_command"),
         ({"commands": [{**VALVES, "unit": "mm"}]}, r"'mbar'.*@ commands\[0\].unit"),
         ({"commands": [{**VALVES, "arms": ["left", "left"]}]}, "one or more different arms"),
