@@ -186,6 +186,13 @@ class _Problem:
     ) -> None:
         if not targets and shape is None:
             raise ValueError("expected at least one target or a shape")
+        for one in targets:
+            if one.axis not in AXES or not one.place:
+                raise ValueError(f"got the target {one.name!r}, expected a point and an axis such as P1.z")
+        numbers = [x for one in targets for x in (one.value, one.weight)]
+        numbers += [x for one in variables for x in (one.low, one.high)]
+        if not np.isfinite(numbers).all() or min((one.weight for one in targets), default=0.0) < 0.0:
+            raise ValueError("expected finite values and bounds, and weights of 0 or above")
         self._places = [point_at(at.model.lattice, target.place, at.model.points) for target in targets]
         self._states = RestStates(at, commands_of(at, variables))
         self._targets, self._variables, self._shape = tuple(targets), tuple(variables), shape

@@ -116,7 +116,7 @@ def test_what_changes_something_is_refused_with_the_way_out_unless_active(answer
 @pytest.mark.parametrize("state", STEPS)
 def test_own_services_say_why_they_refuse(answers, state):
     pytest.importorskip("ldcs_msgs", reason="the interface package is not built")
-    for name in ("apply_wrench", "load_scene"):
+    for name in ("apply_wrench", "load_scene", "reach"):
         answer = of(answers[state], name)
         assert not answer.success and answer.message
         if state != "active":

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rclpy.type_support import Msg
 
 OPTIONAL: dict[str, str] = {
-    "ldcs_msgs": "arm_command, lattice_state, solver_status, apply_wrench, load_scene",
+    "ldcs_msgs": "arm_command, lattice_state, solver_status, apply_wrench, load_scene, reach",
     "simulation_interfaces": "the standard simulator services",
     "tf2_msgs": "/tf and /tf_static",
     "launch": "the launch files",

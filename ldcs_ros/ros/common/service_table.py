@@ -49,6 +49,11 @@ SIM_SERVICES = (
         "another scene without a restart; built while the old one runs on, which stays if it is refused",
     ),
     ServiceEntry(
+        "~/reach",
+        "ldcs_msgs/srv/Reach",
+        "commands whose rest state comes nearest to places or a shape, by a model beside the running twin",
+    ),
+    ServiceEntry(
         "~/get_simulator_features",
         f"{_SIMULATOR}GetSimulatorFeatures",
         "features of these services that the node offers",

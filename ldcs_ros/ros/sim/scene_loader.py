@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Protocol
 
 from rclpy.lifecycle import LifecycleNode
-from rclpy.task import Future
 
+from ldcs_ros.ros.common.background import in_background
 from ldcs_ros.ros.common.refusals import InvalidStateError
 from ldcs_ros.ros.sim.runner import Runner
 from ldcs_ros.scene.scene import Scene
@@ -65,21 +64,9 @@ class SceneLoader:
         runner = self._runner()
         self._busy = True
         try:
-            twin = await self._built(scene)
+            twin = await in_background(self._node, lambda: self._build(scene()), "scene")
             if twin is None or self._runner() is not runner:
                 raise InvalidStateError("the node was configured again meanwhile; the scene was not loaded")
             return twin, self._swap_scene(twin, stop=stop)
         finally:
             self._busy = False
-
-    def _built(self, scene: Callable[[], Scene]) -> Future[Twin]:
-        future: Future[Twin] = Future(executor=self._node.executor)
-
-        def build() -> None:
-            try:
-                future.set_result(self._build(scene()))
-            except Exception as error:
-                future.set_exception(error)
-
-        threading.Thread(target=build, name="scene", daemon=True).start()
-        return future

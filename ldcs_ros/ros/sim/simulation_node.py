@@ -208,8 +208,10 @@ class SimulationNode(ParameterNode, LifecycleNode):
         if not installed()["ldcs_msgs"]:
             return
         from ldcs_ros.ros.sim.ldcs_services import LdcsServices
+        from ldcs_ros.ros.sim.reach_service import ReachService
 
         LdcsServices(self, self.active_runner, self._scenes, self._files)
+        ReachService(self, self.active_runner)
 
     def _check_setting(self) -> None:
         present = installed()
