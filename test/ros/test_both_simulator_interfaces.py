@@ -1,19 +1,27 @@
-"""LoadWorld of both released families: version 1 has the resource's fields in the request, 2.1 has a resource."""
+"""The simulator services with both released families of the interfaces.
+
+Between version 1 and 2.1 differ, of what the node offers: the request of LoadWorld (1: the resource's fields, 2.1: a
+resource) and of SetEntityState (2.1: flags). Version 1.0 has no worlds, and fewer states and features.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import sys
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("simulation_interfaces", reason="simulation_interfaces is not installed")
 
-from simulation_interfaces.srv import LoadWorld
+from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
+from simulation_interfaces.srv import LoadWorld, SetEntityState
 
 from ldcs_ros import load_scene
 from ldcs_ros.ros.sim.graph_files import GraphFiles
+from ldcs_ros.ros.simulator import answers, control, services
 from ldcs_ros.ros.simulator.answers import ResultError
+from ldcs_ros.ros.simulator.entity_services import EntityServices
 from ldcs_ros.ros.simulator.worlds import Worlds
 
 
@@ -69,3 +77,59 @@ def test_a_request_without_a_resource_or_with_a_foreign_path_is_refused(version,
     with pytest.raises(ResultError, match="log of the node") as caught:
         load(version(uri="mine.yaml"), str(tmp_path))
     assert "secret" not in str(caught.value)
+
+
+ENTITY_FIELDS = ("entity", "state", "set_pose", "set_twist", "set_acceleration")
+
+
+@pytest.mark.parametrize("fields", [ENTITY_FIELDS[:2], ENTITY_FIELDS])
+def test_an_entity_is_moved_by_hand_in_no_version(fields):
+    request = SetEntityState.Request()
+    assert tuple(request.get_fields_and_field_types()) == ENTITY_FIELDS
+    given = SimpleNamespace(**{name: getattr(request, name) for name in fields})
+    with pytest.raises(ResultError, match="external_wrench") as caught:
+        EntityServices(SimpleNamespace(runner=None)).refuse_to_set(given, SetEntityState.Response())
+    assert caught.value.code == Result.RESULT_FEATURE_UNSUPPORTED
+
+
+def without(message, *prefixes):
+    """Return the constants of a message type but those with some prefixes, as an earlier version has them."""
+    names = [name for name in dir(message) if name.isupper() and not name.startswith(prefixes)]
+    return SimpleNamespace(**{name: getattr(message, name) for name in names})
+
+
+def test_without_a_scene_the_state_is_no_world_or_in_version_1_0_stopped(monkeypatch):
+    host = SimpleNamespace(runner=None, finished=SimpleNamespace(is_set=lambda: False))
+    for state, expected in (
+        (SimulationState, SimulationState.STATE_NO_WORLD),
+        (without(SimulationState, "STATE_NO_WORLD", "STATE_LOADING"), SimulationState.STATE_STOPPED),
+    ):
+        monkeypatch.setattr(control, "SimulationState", state)
+        response = SimpleNamespace(state=SimpleNamespace(state=None))
+        control.Control(host).report_state(None, response)
+        assert response.state.state == expected
+
+
+def test_features_that_a_version_does_not_name_are_left_out(monkeypatch):
+    def features(offered):
+        response = SimpleNamespace(features=SimpleNamespace())
+        services.Features(offered).report(None, response)
+        return response.features.features
+
+    whole = features(services.FEATURES)
+    assert SimulatorFeatures.WORLD_LOADING in whole and SimulatorFeatures.STEP_SIMULATION_ACTION in whole
+    monkeypatch.setattr(services, "SimulatorFeatures", without(SimulatorFeatures, "WORLD", "AVAILABLE"))
+    assert features(services.FEATURES) == [
+        number for number in whole if number < SimulatorFeatures.WORLD_LOADING
+    ]
+
+
+def test_version_1_0_has_no_worlds_and_offers_the_rest(monkeypatch):
+    offered = []
+    node = SimpleNamespace(create_service=lambda kind, name, *_, **__: offered.append(name))
+    monkeypatch.setattr(answers, "srv", SimpleNamespace(SetEntityState=SetEntityState))
+    assert answers.offer_service(node, "SetEntityState", print)
+    assert not answers.offer_service(node, "GetAvailableWorlds", print)
+    assert offered == ["~/set_entity_state"]
+    monkeypatch.setitem(sys.modules, "ldcs_ros.ros.simulator.worlds", None)
+    assert services._offer_worlds(node, None, None, None) == []
