@@ -30,14 +30,16 @@ def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
 
 
 def open_bag(path: Path) -> Recording:
-    """Return the recording of a bag; omissions are printed on stderr.
+    """Return the recording of a bag whose times will be used; omissions are printed on stderr.
 
     Raises:
-        RecordingError: The bag cannot be read.
+        RecordingError: The bag cannot be read, or its recorder's clock was set.
     """
     from ldcs_ros.bags import read_bag
+    from ldcs_ros.signals.tracks import check_one_clock
 
     recording = read_bag(path)
+    check_one_clock(recording)
     print_notes(path, recording.notes)
     return recording
 

@@ -61,6 +61,7 @@ class Comparison:
         side_length: Length of the sheet [m]; None if unknown.
         relative: The changes since the first common time are compared.
         only: Channels that only one side has, in words.
+        overlap: Time that both cover with what they have in common [s].
         checks: Limits with the values found.
     """
 
@@ -72,6 +73,7 @@ class Comparison:
     side_length: float | None
     relative: bool
     only: tuple[str, ...]
+    overlap: float
     checks: tuple[Check, ...] = ()
 
     @property
@@ -118,7 +120,8 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
             f"{recording_a.name} and {recording_b.name} have no channel in common at one time: "
             f"{sorted(a.series)} against {sorted(b.series)}; name the topics in a mapping file"
         )
-    comparison = Comparison(a, b, offset, channels, surface, length, options.relative, _only(a, b))
+    only, overlap = _only(a, b), max(0.0, end - start)
+    comparison = Comparison(a, b, offset, channels, surface, length, options.relative, only, overlap)
     if not options.tolerances:
         return comparison
     checks = check(options.tolerances, _statistics(comparison), uncounted(comparison))

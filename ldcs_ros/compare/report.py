@@ -19,7 +19,10 @@ REPORT = "compare.md"
 def offset_lines(comparison: Comparison) -> list[str]:
     """Return the findings about the two clocks, in sentences."""
     offset, b = comparison.offset, comparison.b.name
-    lines = [f"Clock offset used: {milliseconds(offset.value)} ({offset.reason})."]
+    lines = [
+        f"Clock offset used: {milliseconds(offset.value)} ({offset.reason}).",
+        f"Both recordings cover {comparison.overlap:.3f} s.",
+    ]
     if offset.estimate is not None:
         spread = (
             ""
@@ -95,6 +98,7 @@ def as_dict(comparison: Comparison, files: Iterable[str]) -> dict[str, Any]:
         "a": comparison.a.name,
         "b": comparison.b.name,
         "offset": asdict(comparison.offset),
+        "overlap": comparison.overlap,
         "side_length": comparison.side_length,
         "relative": comparison.relative,
         "channels": {
@@ -136,7 +140,7 @@ def summary(comparison: Comparison) -> list[tuple[str, str]]:
         clock += f"; periodic: {alternatives(offset)}"
     if offset.estimate is not None and offset.estimate != offset.value:
         clock += f"; by the motion {milliseconds(offset.estimate)}"
-    lines = [("clock offset", clock)]
+    lines = [("clock offset", clock), ("overlap", f"{comparison.overlap:.3f} s")]
     for name, channel in comparison.channels.items():
         if not name.startswith("joint/"):
             lines.append((name, f"{_sentence(channel.overall, channel.unit)}, {_samples(channel)}"))

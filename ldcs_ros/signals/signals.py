@@ -17,8 +17,10 @@ from ldcs_ros.signals.tracks import (
     JOINTS,
     POSE,
     PRESSURE,
+    WALL_CLOCK,
     SurfaceTrack,
     Track,
+    check_one_clock,
     joint_tracks,
     point_tracks,
     pressure_tracks,
@@ -61,9 +63,10 @@ def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, me
         measured: Take the points from a twin's tracker, not their true positions.
 
     Raises:
-        RecordingError: Nothing in it can be compared.
+        RecordingError: Nothing in it can be compared, or its recorder's clock was set.
         MappingError: The mapping does not fit.
     """
+    check_one_clock(recording)
     if mapping is None and ("scene" in recording.custom_data or _has_truth(recording)):
         signals = _twin_signals(recording, name, measured)
     else:
@@ -107,8 +110,7 @@ def _twin_signals(recording: Recording, name: str, measured: bool) -> Signals:
     surface = _surface(recording, warnings)
     scene = recorded_scene(recording)
     length, title = (None, "") if scene is None else (scene.lattice.size[0], scene.title)
-    # A wall clock is far from zero; a track then counts from the start of its recording.
-    simulated = recording.start < 10 * 365 * 86_400 * 10**9
+    simulated = recording.start < WALL_CLOCK
     return Signals(name, series, surface, simulated, length, title, warnings)
 
 

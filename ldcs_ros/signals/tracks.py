@@ -25,8 +25,8 @@ JOINTS = "sensor_msgs/msg/JointState"
 PRESSURE = "sensor_msgs/msg/FluidPressure"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 
-# A stamp beyond this is of a wall clock, not of a simulation: times then count from the recording's start.
-_WALL_CLOCK = 10 * 365 * 86_400 * 1_000_000_000
+WALL_CLOCK = 10 * 365 * 86_400 * 1_000_000_000
+"""A time beyond this is of a wall clock, not of a simulation [ns]: times then count from the recording's start."""
 
 
 @dataclass(frozen=True)
@@ -209,9 +209,22 @@ def pressure_tracks(recording: Recording) -> dict[str, Track]:
     return tracks
 
 
+def check_one_clock(recording: Recording) -> None:
+    """Refuse a recording that begins on a simulation's clock, or on none, and ends on a wall clock.
+
+    Raises:
+        RecordingError: Its recorder's clock was set meanwhile, so that its times are of no use.
+    """
+    if recording.start < WALL_CLOCK <= recording.end:
+        raise RecordingError(
+            f"{recording.name} has log times from {recording.start * 1e-9:.3f} s to {recording.end * 1e-9:.3f} s "
+            "after 1970: the clock of its recorder was set; leave out what was recorded before"
+        )
+
+
 def seconds(nanoseconds: np.ndarray, start: int) -> np.ndarray:
     """Return times [s] of nanosecond stamps: simulation times unchanged, wall times from `start` on."""
-    origin = start if len(nanoseconds) and nanoseconds[0] > _WALL_CLOCK else 0
+    origin = start if len(nanoseconds) and nanoseconds[0] > WALL_CLOCK else 0
     return np.asarray(nanoseconds - origin, dtype=np.int64) * 1e-9
 
 
@@ -222,7 +235,7 @@ def _stamps(recording: Recording, topic: str, messages: Sequence[StampedMessage]
     )
     # An unset stamp of a wall clock is none.
     logs = recording.channels[topic].times
-    return seconds(np.where((stamps == 0) & (logs > _WALL_CLOCK), logs, stamps), recording.start)
+    return seconds(np.where((stamps == 0) & (logs > WALL_CLOCK), logs, stamps), recording.start)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from ldcs_ros.compare.comparison import Options, compare
 from ldcs_ros.compare.difference import ErrorStatistics
 from ldcs_ros.compare.report import summary
 from ldcs_ros.compare.tolerances import ToleranceError, check, load_tolerances
+from ldcs_ros.errors import RecordingError
 from ldcs_ros.signals.mapping import parse_mapping
 
 FOUND = ErrorStatistics(rms=0.001, p95=0.002, max=0.003, mean=-0.0005, end=-0.0008, normalised_rms=0.01)
@@ -164,3 +165,12 @@ def test_time_log_leaves_stamps_alone(tmp_path):
         assert found.passed and found.channels["P1"].overall.rms < 1e-6
     assert not any("clock" in warning for warning in compared(a, b, by_log).b.warnings)
     assert any("set 1 time(s) (-3600.000 s)" in warning for warning in compared(a, b, POINT).b.warnings)
+
+
+def test_a_first_log_time_of_zero_is_refused_with_both_times(tmp_path):
+    a = pose_bag(tmp_path / "a", TIMES)
+    (first, *rest) = list(a.in_order())
+    messages = [(m.topic, m.time, (m.type, m.cdr)) for m in (first, *rest)]
+    mixed = read_bag(rig_bag.write(tmp_path / "b", [("/P1", 0, (first.type, first.cdr)), *messages]))
+    with pytest.raises(RecordingError, match=r"from 0\.000 s to 1790000002\.980 s after 1970"):
+        compared(a, mixed, POINT)
