@@ -24,6 +24,7 @@ setup(
             "py.typed",
             "config/*.*",
             "scenes/*.yaml",
+            "viewing/panel/*.*",
             "rig/rigs/*.yaml",
             "msg_defs/msg/*.msg",
             "msg_defs/srv/*.srv",

@@ -25,6 +25,7 @@ EXAMPLE = """\
 ldcs view out/paper
   ldcs view out/paper --until 0.5 --screenshot half_a_second.png
   ldcs view --live --save session.rrd
+  ldcs view --live --panel
   ldcs view out/paper --markers out/paper_for_rviz"""
 
 DEFAULT_PORT = 9090
@@ -45,6 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port", metavar="N", type=_port, default=DEFAULT_PORT, help="port of the page; 0 for any free one"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument(
+        "--panel",
+        action="store_true",
+        help="with --live: sliders for the arms, pushes at a clicked node, pause, step, reset, record; needs no Rerun",
+    )
     parser.add_argument("--until", metavar="S", type=instant, help="show the bag up to this time [s]")
     parser.add_argument(
         "--save", metavar="FILE", type=Path, help="write a .rrd file, which any Rerun viewer opens"
@@ -66,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError("view needs a BAG, or --live for a running twin, and not both")
     if arguments.live is not None:
         return _run_live(arguments)
+    if arguments.panel:
+        raise CommandLineError("--panel controls a running twin; give --live")
 
     recording = open_bag(arguments.bag)
     if arguments.markers is not None:
@@ -123,11 +131,14 @@ def _run_live(arguments: argparse.Namespace) -> int:
     """Become the executable that listens to ROS, which this command line does without."""
     if arguments.until is not None or arguments.markers is not None:
         raise CommandLineError("--until and --markers belong to a bag, not to --live")
+    if arguments.panel and (arguments.save is not None or arguments.screenshot is not None):
+        raise CommandLineError("--save and --screenshot belong to the viewer, not to --panel")
     words = ["--namespace", arguments.live, "--port", str(arguments.port)]
     for name in ("save", "screenshot"):
         if getattr(arguments, name) is not None:
             words += [f"--{name}", str(getattr(arguments, name))]
     words += ["--no-browser"] if arguments.no_browser else []
+    words += ["--panel"] if arguments.panel else []
     words += ["--json"] if arguments.json else []
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, "-m", "ldcs_ros.ros", "live_view", *words])

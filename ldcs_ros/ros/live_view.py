@@ -40,6 +40,12 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--save", type=Path, help="write the view into a .rrd file, too")
     parser.add_argument("--screenshot", type=Path, help="write a picture and end (needs chromium)")
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument(
+        "--panel", action="store_true", help="sliders, pushes, pause and recording beside the sheet"
+    )
+    parser.add_argument(
+        "--record", type=Path, default=Path("out/panel"), help="folder of the panel's recordings"
+    )
     parser.add_argument("--json", action="store_true", help="print the address as JSON")
     arguments, ros_arguments = parser.parse_known_args(words)
     if unknown := unknown_word(own_words(ros_arguments)):
@@ -61,22 +67,50 @@ def _run(arguments: argparse.Namespace, ros_arguments: list[str]) -> int:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.validate_namespace import validate_namespace
 
-    from ldcs_ros.viewing.browser_session import until_stopped
-    from ldcs_ros.viewing.rerun_package import program
-    from ldcs_ros.viewing.web_server import live_site
-
-    program()
     arguments.namespace = "/" + arguments.namespace.strip("/")
     try:
         validate_namespace(arguments.namespace)
     except InvalidNamespaceException as error:
         raise ViewingError(f"namespace {arguments.namespace!r}: {error}") from error
+    show = _show_panel if arguments.panel else _show_viewer
+    rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        return show(arguments)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _show_panel(arguments: argparse.Namespace) -> int:
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    from ldcs_ros.ros.panel import Panel, follow
+    from ldcs_ros.viewing.browser_session import open_browser, until_stopped
+    from ldcs_ros.viewing.panel_server import panel_site
+
+    node = Node("ldcs_panel", namespace=arguments.namespace)
+    panel = Panel(node, arguments.record)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        with until_stopped() as stopped, panel_site(arguments.port, panel) as address:
+            _print_address(arguments, address)
+            if not arguments.no_browser:
+                open_browser(address)
+            follow(panel, partial(executor.spin_once, timeout_sec=_DRAW_PERIOD), stopped, _SEARCH_PERIOD)
+    finally:
+        panel.close()
+    return 0
+
+
+def _show_viewer(arguments: argparse.Namespace) -> int:
+    from ldcs_ros.viewing.browser_session import until_stopped
+    from ldcs_ros.viewing.rerun_package import program
+    from ldcs_ros.viewing.web_server import live_site
+
+    program()
     with until_stopped() as stopped, live_site(arguments.port, memory=MEMORY) as site:
-        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            return _show(arguments, site, stopped)
-        finally:
-            rclpy.try_shutdown()
+        return _show(arguments, site, stopped)
 
 
 def _show(arguments: argparse.Namespace, site: Site, stopped: Callable[[float], bool]) -> int:

@@ -4,36 +4,27 @@ from __future__ import annotations
 
 import ctypes
 import http.client
-import secrets
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import quote, urlencode, urlsplit
 
 from ldcs_ros.errors import ViewingError
+from ldcs_ros.viewing.guarded_server import HOST, GuardedHandler, GuardedServer, port_refused, serving
 from ldcs_ros.viewing.rerun_package import program, quiet_environment
 
-HOST = "127.0.0.1"
 RECORDING = "/recording.rrd"
 _START_TIMEOUT = 20.0
 _PIECE = 1 << 16
-_TOKEN_BYTES = 24
-_IDLE_TIMEOUT = 30.0
-"""Time in which a connection must send its request, and take each piece of the answer [s]."""
-_MOST_CONNECTIONS = 64
 _HEADERS = ("content-type", "content-length", "content-encoding", "rerun-final-length")
 """Headers of the viewer that the proxy forwards; Access-Control-Allow-Origin is not among them."""
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
-Request = socket.socket | tuple[bytes, socket.socket]
-Address = tuple[str, int]
 
 
 @dataclass(frozen=True)
@@ -86,29 +77,15 @@ def live_site(port: int, *, memory: str) -> Iterator[Site]:
             yield Site(proxy.address, proxy.data_url)
 
 
-class _OfflineProxy(ThreadingHTTPServer):
+class _OfflineProxy(GuardedServer):
     """A proxy of the viewer's page, with a policy that allows the page no other address."""
 
-    daemon_threads = True
-
     def __init__(self, port: int, recording: Path | None) -> None:
-        super().__init__((HOST, port), _Handler)
+        super().__init__(port, _Handler)
         self.recording = recording
         self.data_url = ""
         self.data_origin = ""
         self.viewer_port = 0
-        self.token = secrets.token_urlsafe(_TOKEN_BYTES)
-        self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
-
-    @property
-    def address(self) -> str:
-        """Address of the page."""
-        return f"http://{HOST}:{self.server_port}/{self.token}/"
-
-    @property
-    def hosts(self) -> tuple[str, ...]:
-        """Values of the Host header under which the page is served."""
-        return (f"{HOST}:{self.server_port}", f"localhost:{self.server_port}")
 
     @property
     def policy(self) -> str:
@@ -125,53 +102,24 @@ class _OfflineProxy(ThreadingHTTPServer):
         asked = {"url": self.data_url, "hide_welcome_screen": "1", "persist": "0", "theme": "light"}
         return urlencode(asked, quote_via=quote)
 
-    def process_request(self, request: Request, client_address: Address) -> None:
-        """Serve a connection on a thread of its own; one above the limit is closed."""
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
 
-    def process_request_thread(self, request: Request, client_address: Address) -> None:
-        """Serve a connection, then free its place."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
-
-    def handle_error(self, request: Request, client_address: Address) -> None:
-        """Ignore a browser that disconnects."""
-
-
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(GuardedHandler):
     server: _OfflineProxy
 
-    timeout = _IDLE_TIMEOUT
-
-    def do_GET(self) -> None:
-        # Another host name could be a foreign page whose name resolves to this machine.
-        hosts = self.headers.get_all("Host", [])
-        if len(hosts) != 1 or hosts[0].strip().lower() not in self.server.hosts:
-            self.send_error(403, "open this page as http://127.0.0.1")
+    def do_GET(self) -> None:  # noqa: N802  # the name of the base class
+        path = self.admitted_path()
+        if path is None:
             return
-        token, slash, rest = self.path.removeprefix("/").partition("/")
-        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
-            self.send_error(403, "open the whole address that the view has printed")
-            return
-        path = f"/{rest}"
         if urlsplit(path).path == RECORDING and self.server.recording is not None:
             self._send_file(self.server.recording)
         elif path == "/":
             # The query of the page is part of its address; the redirect adds it.
             self.send_response(302)
-            self.send_header("Location", f"/{token}/?{self.server.page_query}")
+            self.send_header("Location", f"/{self.server.token}/?{self.server.page_query}")
             self.send_header("Content-Length", "0")
             self.end_headers()
         else:
             self._forward(path)
-
-    def log_message(self, *_: object) -> None:
-        """Write nothing on the terminal."""
 
     def _send_file(self, path: Path) -> None:
         with open(path, "rb") as stream:
@@ -207,17 +155,9 @@ def _offline_proxy(port: int, recording: Path | None) -> Iterator[_OfflineProxy]
     try:
         proxy = _OfflineProxy(port, recording)
     except OSError as error:
-        raise ViewingError(
-            f"port {port} of {HOST} cannot be used: {error.strerror}; give another with --port, or 0 for any"
-        ) from error
-    thread = threading.Thread(target=proxy.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
-    thread.start()
-    try:
+        raise port_refused(port, error) from error
+    with serving(proxy):
         yield proxy
-    finally:
-        proxy.shutdown()
-        proxy.server_close()
-        thread.join()
 
 
 @contextmanager
