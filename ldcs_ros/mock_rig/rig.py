@@ -134,6 +134,11 @@ class MockRig:
         self._report()
 
     @property
+    def probes(self) -> tuple[str, ...]:
+        """Point of each of the tracker's probes, probe 0 first."""
+        return self._tracker.parameters.points
+
+    @property
     def pressure(self) -> np.ndarray:
         """True chamber pressures [Pa], shape (n_arms,)."""
         return np.array([valve.pressure for valve in self._valves])

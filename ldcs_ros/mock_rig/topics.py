@@ -63,7 +63,7 @@ class Topics:
 
     def describe(self) -> dict[str, Any]:
         """Return the link of a rig file that connects to it."""
-        probes = {f"trakstar{i}": point for i, point in enumerate(self._rig.simulation.points)}
+        probes = {f"trakstar{i}": point for i, point in enumerate(self._rig.probes)}
         receive: list[dict[str, Any]] = [
             {
                 "topic": self.tracker,

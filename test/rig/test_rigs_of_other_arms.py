@@ -101,6 +101,18 @@ def test_a_vent_without_a_scene_reaches_each_arm_that_the_rig_file_names(modbus)
     assert rig.setpoint == (0.0, 0.0, 0.0)
 
 
+def test_each_probe_is_that_of_its_point_in_any_order_of_the_scene(clock):
+    # The tracker numbers its probes in an order of its own, and has none on P2.
+    points = {**THREE["points"], "P2": {"x": 0.05, "y": 0.02}}
+    scene = {**THREE, "points": points, "sensors": {**THREE["sensors"], "tracker": {"points": ["P1", "P0"]}}}
+    bench = Bench("topics", clock=clock, scene=scene, hidden=Hidden(stiffness=1.0, gain=1.0, load=0.0))
+    bench.run(0.3)
+    assert bench.rig.probes == ("P1", "P0")
+    residuals = {status.name: status for status in bench.health.read()}["residuals"]
+    assert residuals.values["P0 [mm]"] < 0.5 and residuals.values["P1 [mm]"] < 0.5
+    assert "P2" not in residuals.message
+
+
 @pytest.mark.parametrize("fault", ["stuck", "leak", "nan"])
 def test_a_fault_of_the_middle_arm_vents_the_others(clock, fault):
     bench = Bench("topics", clock=clock, scene=THREE, limits={"pressure": HIGHEST, "slew": SLEW})
