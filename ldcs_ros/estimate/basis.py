@@ -68,15 +68,7 @@ def main_directions(samples: np.ndarray, count: int) -> tuple[np.ndarray, np.nda
 
 def loaded(scene: Scene, point: str, mass: float, stiffness: float) -> Scene:
     """Return a scene with another mass [kg] at a point, a factor on its springs, and no schedule."""
-    content = scene.content
-    effects = content["effects"]
-    changes: dict[str, object] = {}
-    if scene.material is not None:
-        changes["material.youngs_modulus"] = stiffness * scene.material.youngs_modulus
-    else:
-        for block in effects:
-            if block["type"] == "springs":
-                block["stiffness"] = stiffness * scene.effect("springs").stiffness
+    effects = scene.content["effects"]
     if mass > 0.0:
         effects.append({"type": "payload", "at": point, "mass": mass})
-    return scene.edited(changes, effects=effects, inputs=None)
+    return scene.edited(effects=effects, inputs=None).stiffened(stiffness)

@@ -261,11 +261,9 @@ class MockRig:
 
 def hidden_scene(scene: Scene, hidden: Hidden) -> Scene:
     """Return a rig's scene: another one's with hidden parameters, valves left to the rig, and no schedule."""
-    content = scene.content
+    content = scene.stiffened(hidden.stiffness).content
     for effect in content["effects"]:
-        if effect["type"] == "springs":
-            effect["stiffness"] = hidden.stiffness * effect.get("stiffness", 80.0)
-        elif effect["type"] == "arms":
+        if effect["type"] == "arms":
             shared = effect.get("pressure_gain", Arms.pressure_gain)
             for block in (effect, *effect.get("arms", ())):
                 block["pressure_gain"] = hidden.gain * block.get("pressure_gain", shared)

@@ -91,6 +91,17 @@ class Scene:
         """Return the scene without its schedule of commands; the scene itself if it has none."""
         return self.edited(inputs=None) if self.inputs else self
 
+    def stiffened(self, factor: float) -> Scene:
+        """Return the scene with a factor on the stiffness of its springs, a material's too; dampers stay."""
+        if self.material is None:
+            return self.edited({"effects.springs.stiffness": factor * self.effect("springs").stiffness})
+        return self.edited(
+            {
+                "material.youngs_modulus": factor * self.material.youngs_modulus,
+                "material.relaxation_time": self.material.relaxation_time / factor,
+            }
+        )
+
     def with_accuracy(self, accuracy: float) -> Scene:
         """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
         solver = {"integrator": self.solver.integrator, "accuracy": accuracy}

@@ -113,6 +113,17 @@ def test_each_probe_is_that_of_its_point_in_any_order_of_the_scene(clock):
     assert "P2" not in residuals.message
 
 
+def test_hidden_stiffness_is_that_of_the_material_where_a_scene_has_one():
+    stiff, soft = (
+        load_scene("three_arms").edited({"lattice.nodes": [7, 4]}).stiffened(factor).build() for factor in (1.2, 1.0)
+    )
+    rig = hidden_scene(load_scene("three_arms").edited({"lattice.nodes": [7, 4]}), Hidden(1.2)).build()
+    springs = [sim.model.terms[0] for sim in (stiff, soft, rig)]
+    np.testing.assert_allclose(springs[0].k, 1.2 * springs[1].k)
+    np.testing.assert_allclose(springs[2].k, springs[0].k)
+    np.testing.assert_allclose(springs[2].c, springs[1].c)
+
+
 @pytest.mark.parametrize("fault", ["stuck", "leak", "nan"])
 def test_a_fault_of_the_middle_arm_vents_the_others(clock, fault):
     bench = Bench("topics", clock=clock, scene=THREE, limits={"pressure": HIGHEST, "slew": SLEW})
