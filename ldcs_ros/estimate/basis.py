@@ -12,7 +12,7 @@ from ldcs_ros.simulation.simulation import Simulation
 
 COMMON_PRESSURES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Gauge pressures of all arms alike, as fractions of their limits."""
-SINGLE_PRESSURES = ((0.7, 0.4), (0.8, 0.6))
+SINGLE_PRESSURES = ((0.7, 0.4), (0.2, 0.5), (0.3, 0.1))
 """Gauge pressures of one arm and of the others, likewise."""
 GRAVITY = 9.81
 LOADS = (0.0, 0.3)
