@@ -1,4 +1,4 @@
-"""`ldcs study --accuracy`: real errors against asked and estimated ones, on random and violent scenes."""
+"""`ldcs study --accuracy`: real errors against asked and estimated ones, on shipped, random and violent scenes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ldcs_ros.study.accuracy.measure import Pair
 
 ACCURACIES = (1e-4, 1e-5, 1e-6)
-REFERENCE_SECONDS = 60.0
+REFERENCE_SECONDS = {"shipped": 900.0}
 
 
 def run_accuracy(arguments: argparse.Namespace) -> int:
@@ -23,17 +23,20 @@ def run_accuracy(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.accuracy.measure import pairs
     from ldcs_ros.study.accuracy.random_scenes import random_case
     from ldcs_ros.study.accuracy.report import figures, text, write
+    from ldcs_ros.study.accuracy.shipped_cases import shipped_cases
     from ldcs_ros.study.accuracy.violent_cases import violent_cases
 
     first = arguments.first_seed
-    cases = [*violent_cases(), *(random_case(seed) for seed in range(first, first + arguments.scenes))]
+    drawn = [random_case(seed) for seed in range(first, first + arguments.scenes)]
+    cases = [*shipped_cases(), *violent_cases(), *drawn]
     cases = [case for case in cases if arguments.only in case.name]
     found: list[Pair] = []
     with Progress(len(cases), label="accuracy", unit="", quiet=arguments.json) as progress:
         for count, case in enumerate(cases):
             progress.show(count)
             cache = arguments.output / "references"
-            found += pairs([case], ACCURACIES, cache=cache, seconds=REFERENCE_SECONDS)
+            seconds = REFERENCE_SECONDS.get(case.name.partition("_")[0], 60.0)
+            found += pairs([case], ACCURACIES, cache=cache, seconds=seconds)
     table, picture = write(found, arguments.output)
     summary = figures(found)
     if arguments.json:

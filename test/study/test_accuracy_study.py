@@ -5,23 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ldcs_ros import load_scene
+from ldcs_ros import load_scene, shipped_scenes
+from ldcs_ros.study.accuracy import reference as references
 from ldcs_ros.study.accuracy.equations import Equations
 from ldcs_ros.study.accuracy.measure import Pair, pairs
 from ldcs_ros.study.accuracy.random_scenes import Case, random_case
+from ldcs_ros.study.accuracy.reference import reference
 from ldcs_ros.study.accuracy.report import figures, write
+from ldcs_ros.study.accuracy.shipped_cases import shipped_cases
 from ldcs_ros.study.accuracy.violent_cases import violent_cases
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_the_independent_equations_give_the_accelerations_of_the_model(seed):
-    scene = load_scene(random_case(seed).content)
+def _scenes():
+    drawn = [(f"random {seed}", random_case(seed).content) for seed in range(12)]
+    return [*drawn, *((name, load_scene(name).content) for name in shipped_scenes())]
+
+
+@pytest.mark.parametrize(("name", "content"), _scenes(), ids=lambda value: value if isinstance(value, str) else "")
+def test_the_independent_equations_give_the_accelerations_of_the_model(name, content):
+    scene = load_scene(content)
     simulation = scene.build()
     model, equations = simulation.model, Equations(scene)
     np.testing.assert_array_equal(equations.free, model.free)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(int(name.partition(" ")[2] or 0))
     q, u = model.reference_state()
-    q[model.free] += 0.003 * rng.normal(size=len(model.free))
+    q[model.free] += (0.003 if name.startswith("random") else 5e-4) * rng.normal(size=len(model.free))
     u[model.free] += 0.1 * rng.normal(size=len(model.free))
     time = 7e-4
     model.prescribe(time, q, u)
@@ -30,6 +38,11 @@ def test_the_independent_equations_give_the_accelerations_of_the_model(seed):
     np.testing.assert_allclose(own_q, q, atol=1e-13)
     np.testing.assert_allclose(own_u, u, atol=1e-11)
     equations.held = simulation.inputs.torque
+    if simulation.inputs.pressure is not None:
+        equations.pressure = simulation.inputs.chamber_pressure
+    for command in scene.inputs:
+        if command.wrench is not None and command.time == 0.0:
+            equations.wrenches[command.wrench[0]] = np.array(command.wrench[1]), np.array(command.wrench[2])
     expected = model.accelerate(time, q, u, simulation.inputs.held())
     own = equations.accelerations(time, q, u)[model.free]
     assert np.abs(own - expected).max() <= 1e-10 * np.abs(expected).max()
@@ -83,3 +96,21 @@ def test_the_figures_count_missed_accuracies_and_silent_estimates():
     assert (found.pairs, found.stopped, found.within) == (4, 1, 0.75)
     assert found.ratio[2] == pytest.approx(4.0)
     assert (found.consistent, found.sharp) == (0.75, 0.75)
+
+
+def test_a_sparse_jacobian_gives_the_reference_of_the_full_one(tmp_path, monkeypatch):
+    arms = {"type": "arms", "drive": "torque", "links": 2, "coupling_damping": 50.0}
+    content = {
+        "lattice": {"size": [0.1, 0.1, 0.01], "nodes": [3, 2], "mass": 0.05},
+        "effects": [{"type": "springs", "damping": 0.5}, {"type": "clamp"}, {"type": "gravity"}, arms],
+        "inputs": [{"time": 0.0, "torque": 0.02}],
+    }
+    case = Case("strip", content, 0.01, looks=4)
+    full = reference(case, cache=tmp_path / "full", seconds=60.0)
+    monkeypatch.setattr(references, "SPARSE_SIZE", 0)
+    sparse = reference(case, cache=tmp_path / "sparse", seconds=60.0)
+    np.testing.assert_allclose(sparse, full, atol=1e-10)
+
+
+def test_every_shipped_scene_is_a_case():
+    assert len(shipped_cases()) == len(shipped_scenes())

@@ -1,4 +1,4 @@
-"""Two chains of links for the independent equations: Lagrange's equations by the velocities of the links' centres."""
+"""Chains of links for the independent equations: Lagrange's equations by the velocities of the links' centres."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ldcs_ros.physics.effects.arms import Arms
+    from ldcs_ros.physics.placed_arms import PlacedArm
 
 
 class Sheet(Protocol):
@@ -20,54 +21,112 @@ class Sheet(Protocol):
 
 
 class Chains:
-    """The arms of a scene: link angles against x in planes y = const, coupled to the sheet by springs and dampers.
+    """The arms of a scene: link angles against their line in the plane of line and normal, tied to the sheet.
 
     With e = (cos, sin) and n = (-sin, cos) of a link's angle, the centre of link k moves by the sum of l_j n_j phi_j'
-    over the links before it and half of its own: M = sum m J^T J + I, and the rest is m J^T J' phi'.
+    over the links before it and half of its own: M = sum m J^T J + I, and the rest is m J^T J' phi'. Shorter chains
+    end in angles that stay 0.
+
+    Attributes:
+        count: Number of arms.
+        n: Links of the longest one.
     """
 
-    def __init__(self, arms: Arms, sheet: Sheet) -> None:
-        self.arms, self.sheet, self.n = arms, sheet, arms.links
-        length, thickness = sheet.size[0], sheet.size[2]
-        self.length = np.full(self.n, length / self.n)
-        self.length[0] -= arms.rigid_base
-        part = np.ones(self.n)
-        part[0] = arms.base_joint_share
-        self.stiffness, self.damping = arms.joint_stiffness / part, arms.joint_damping / part
-        # Angle of the crosspiece at each station, as weights of the link angles.
-        self.tilt = np.zeros((self.n + 1, self.n))
-        for s in range(1, self.n + 1):
-            self.tilt[s, s - 1] = 1.0
-            if arms.crosspiece == "bisector" and self.n > 1:
-                self.tilt[s] = 0.0
-                if s < self.n:
-                    self.tilt[s, [s - 1, s]] = 0.5
-                else:
-                    self.tilt[s, [s - 2, s - 1]] = -0.5, 1.5
-        nx, ny = sheet.shape
-        self.ties: list[list[tuple[int, float, float, np.ndarray]]] = []
-        for rows in (range(ny - 1, ny - 2 - arms.width, -1), range(arms.width + 1)):
-            ties = []
-            for s in range(self.n + 1):
-                column = s * (nx - 1) / self.n
-                near = int(np.floor(column + 1e-12))
-                part_far = column - near if column - near > 1e-12 else 0.0
-                for j in rows:
-                    for layer in (0, 1):
-                        weight = np.zeros(sheet.n)
-                        weight[(layer * nx + near) * ny + j] += 1.0 - part_far
-                        if part_far:
-                            weight[(layer * nx + near + 1) * ny + j] += part_far
-                        y = sheet.size[1] * (j / (ny - 1) - 0.5)
-                        ties.append((s, (layer - 0.5) * thickness - arms.backbone_height, y, weight))
-            self.ties.append(ties)
+    def __init__(self, effect: Arms, sheet: Sheet) -> None:
+        self.sheet = sheet
+        self.own = [effect.of(one) for one in effect.arms] or [effect, effect]
+        self.count, self.n = len(self.own), max(own.links for own in self.own)
+        self.direction = np.tile([1.0, 0.0], (self.count, 1))
+        self.length = np.zeros((self.count, self.n))
+        self.stiffness, self.damping = np.zeros((2, self.count, self.n))
+        self.mass, self.start = np.zeros((self.count, self.n)), np.zeros(self.count)
+        # Angle of the rib at each station, as weights of the link angles.
+        self.tilt = np.zeros((self.count, self.n + 1, self.n))
+        for a, own in enumerate(self.own):
+            line = effect.arms[a] if effect.arms else None
+            if line is not None:
+                along = np.subtract(line.end, line.start)
+                self.direction[a] = along / np.hypot(*along)
+                self.start[a] = float(self.direction[a] @ np.array(line.start))
+            m = own.links
+            whole = sheet.size[0] if line is None else float(np.hypot(*np.subtract(line.end, line.start)))
+            self.length[a, :m] = whole / m
+            self.length[a, 0] -= own.rigid_base
+            part = np.ones(m)
+            part[0] = own.base_joint_share
+            self.stiffness[a, :m], self.damping[a, :m] = own.joint_stiffness / part, own.joint_damping / part
+            self.mass[a, :m] = own.link_mass
+            for s in range(1, m + 1):
+                self.tilt[a, s, s - 1] = 1.0
+                if own.crosspiece == "bisector" and m > 1:
+                    self.tilt[a, s, s - 1] = 0.0
+                    first, weights = (s - 1, (0.5, 0.5)) if s < m else (s - 2, (-0.5, 1.5))
+                    self.tilt[a, s, first : first + 2] = weights
+        self.used = self.mass > 0.0
+        self.inertia = np.array([own.link_inertia for own in self.own])
+        self._tie(effect)
+
+    def _tie(self, effect: Arms) -> None:
+        ties: list[tuple[int, int, float, float]] = []
+        weights: list[np.ndarray] = []
+        nx, ny = self.sheet.shape
+        for a, own in enumerate(self.own):
+            places = (
+                self._places_of_line(effect.arms[a], own) if effect.arms else self._places_of_edge(a, own)
+            )
+            for s, column, row in places:
+                for layer in (0, 1):
+                    x, y = column * self.sheet.size[0] / (nx - 1), (row / (ny - 1) - 0.5) * self.sheet.size[1]
+                    lateral = self.direction[a] @ np.array([y, -x])
+                    ties.append((a, s, (layer - 0.5) * self.sheet.size[2] - own.backbone_height, lateral))
+                    weights.append(self._bilinear(layer, column, row))
+        self.arm, self.station = np.array([tie[:2] for tie in ties]).T
+        self.offset, self.lateral = np.array([tie[2:] for tie in ties]).T
+        self.weight = np.array(weights)
+        self.k, self.c = (
+            np.array([getattr(own, name) for own in self.own])[self.arm][:, None]
+            for name in ("coupling_stiffness", "coupling_damping")
+        )
+        base = np.array([own.rigid_base for own in self.own])[self.arm] * (self.station > 0)
+        self.base = self.start[self.arm] + base
+        self.height = np.array([own.backbone_height for own in self.own])[self.arm]
+        before = np.arange(self.n) < self.station[:, None]
+        self.before = before * self.length[self.arm]
+        self.rib = self.tilt[self.arm, self.station]
+
+    def _places_of_edge(self, a: int, own: Arms) -> list[tuple[int, float, float]]:
+        nx, ny = self.sheet.shape
+        rows = range(own.width + 1) if a else range(ny - 1, ny - 2 - own.width, -1)
+        return [(s, s * (nx - 1) / own.links, float(j)) for s in range(own.links + 1) for j in rows]
+
+    def _places_of_line(self, line: PlacedArm, own: Arms) -> list[tuple[int, float, float]]:
+        (nx, ny), (length, width) = self.sheet.shape, self.sheet.size[:2]
+        if own.width:
+            raise ValueError("the independent equations know listed arms of width 0 only")
+        return [
+            (s, x / length * (nx - 1), (y / width + 0.5) * (ny - 1))
+            for s in range(own.links + 1)
+            for x, y in [np.array(line.start) + np.subtract(line.end, line.start) * s / own.links]
+        ]
+
+    def _bilinear(self, layer: int, column: float, row: float) -> np.ndarray:
+        # Hat functions of all nodes.
+        nx, ny = self.sheet.shape
+        along = np.maximum(1.0 - np.abs(np.arange(nx) - column), 0.0)
+        across = np.maximum(1.0 - np.abs(np.arange(ny) - row), 0.0)
+        along, across = along * (along > 1e-9), across * (across > 1e-9)
+        weight = np.zeros((2, nx, ny))
+        weight[layer] = np.outer(along, across)
+        return weight.ravel()
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         """Write the angles of the drive 'curvature' at a time [s] and their rates."""
-        rise = min(max(time / self.arms.rise_time, 0.0), 1.0)
-        middle = np.cumsum(self.length) - 0.5 * self.length
-        q[:] = np.tile(self.arms.curvature * middle * rise**2 * (3.0 - 2.0 * rise), 2)
-        u[:] = np.tile(self.arms.curvature * middle * 6.0 * rise * (1.0 - rise) / self.arms.rise_time, 2)
+        for a, own in enumerate(self.own):
+            here = slice(a * self.n, (a + 1) * self.n)
+            rise = min(max(time / own.rise_time, 0.0), 1.0)
+            middle = np.where(self.used[a], np.cumsum(self.length[a]) - 0.5 * self.length[a], 0.0)
+            q[here] = own.curvature * middle * rise**2 * (3.0 - 2.0 * rise)
+            u[here] = own.curvature * middle * 6.0 * rise * (1.0 - rise) / own.rise_time
 
     def accelerations(
         self,
@@ -78,52 +137,50 @@ class Chains:
         torque: np.ndarray | None,
         force: np.ndarray,
     ) -> np.ndarray:
-        """Return the angular accelerations, shape (2 n,), and add the couplings' forces on the nodes to `force` [N]."""
-        result = np.empty(2 * self.n)
-        for side in range(2):
-            here = slice(side * self.n, (side + 1) * self.n)
-            phi, rate = angles[here], rates[here]
-            drive = np.zeros(self.n) if torque is None else torque[side]
-            matrix, push = self._chain(phi, rate, drive)
-            push += self._couple(side, x, v, phi, rate, force)
-            result[here] = np.linalg.solve(matrix, push)
-        return result
+        """Return the angular accelerations, flat, and add the ties' forces on the nodes to `force` [N]."""
+        phi, rate = angles.reshape(self.count, self.n), rates.reshape(self.count, self.n)
+        drive = np.zeros_like(phi) if torque is None else torque
+        matrix, push = self._chains(phi, rate, drive)
+        self._couple(x, v, phi, rate, force, push)
+        return np.asarray(np.linalg.solve(matrix, np.where(self.used, push, 0.0)[..., None])[..., 0].ravel())
 
-    def _chain(self, phi: np.ndarray, rate: np.ndarray, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        n, m = self.n, self.arms.link_mass
-        matrix, push = self.arms.link_inertia * np.eye(n), np.zeros(n)
-        gravity = self.sheet.gravity[[0, 2]]
-        for k in range(n):
-            reach = np.where(np.arange(n) < k, self.length, 0.0)
-            reach[k] = 0.5 * self.length[k]
-            by_angle = reach * np.array([-np.sin(phi), np.cos(phi)])
-            centripetal = -(reach * np.array([np.cos(phi), np.sin(phi)])) @ rate**2
-            matrix = matrix + m * by_angle.T @ by_angle
-            push += by_angle.T @ (m * (gravity - centripetal))
-        moment = (
-            drive - self.stiffness * np.diff(phi, prepend=0.0) - self.damping * np.diff(rate, prepend=0.0)
-        )
+    def _chains(self, phi: np.ndarray, rate: np.ndarray, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        order = np.arange(self.n)
+        share = np.where(order < order[:, None], 1.0, 0.0) + 0.5 * np.eye(self.n)
+        reach = share * self.length[:, None, :]  # arm, link, angle
+        cos, sin = np.cos(phi)[:, None], np.sin(phi)[:, None]
+        matrix = self.inertia[:, None, None] * np.eye(self.n)
+        push = np.zeros_like(phi)
+        along = self.direction @ self.sheet.gravity[:2]
+        for slope, curve, gravity in (
+            (-reach * sin, reach * cos, along[:, None]),
+            (reach * cos, reach * sin, self.sheet.gravity[2]),
+        ):
+            matrix = matrix + np.einsum("ak,aki,akj->aij", self.mass, slope, slope)
+            centripetal = -np.einsum("akj,aj->ak", curve, rate**2)
+            push += np.einsum("aki,ak->ai", slope, self.mass * (gravity - centripetal))
+        matrix[:, order, order] += ~self.used
+        moment = drive - self.stiffness * np.diff(phi, prepend=0.0) - self.damping * np.diff(rate, prepend=0.0)
+        moment = np.where(self.used, moment, 0.0)
         push += moment
-        push[:-1] -= moment[1:]
+        push[:, :-1] -= moment[:, 1:]
         return matrix, push
 
     def _couple(
-        self, side: int, x: np.ndarray, v: np.ndarray, phi: np.ndarray, rate: np.ndarray, force: np.ndarray
-    ) -> np.ndarray:
-        push = np.zeros(self.n)
-        k, c = self.arms.coupling_stiffness, self.arms.coupling_damping
-        for s, offset, y, weight in self.ties[side]:
-            before = np.arange(self.n) < s
-            angle = float(self.tilt[s] @ phi)
-            start = np.array([self.arms.rigid_base if s else 0.0, self.arms.backbone_height])
-            end = start + (before * self.length * np.array([np.cos(phi), np.sin(phi)])).sum(axis=1)
-            end = end + offset * np.array([-np.sin(angle), np.cos(angle)])
-            slope = before * self.length * np.array([-np.sin(phi), np.cos(phi)])
-            slope = slope - offset * np.outer([np.cos(angle), np.sin(angle)], self.tilt[s])
-            there, speed = weight @ x, weight @ v
-            gap = there - np.array([end[0], y, end[1]])
-            moving = slope @ rate
-            pull = k * gap + c * (speed - np.array([moving[0], 0.0, moving[1]]))
-            force -= weight[:, None] * pull
-            push += slope.T @ pull[[0, 2]]
-        return push
+        self, x: np.ndarray, v: np.ndarray, phi: np.ndarray, rate: np.ndarray, force: np.ndarray, push: np.ndarray
+    ) -> None:
+        a, dx, dy = self.arm, self.direction[self.arm, 0], self.direction[self.arm, 1]
+        cos, sin = np.cos(phi)[a], np.sin(phi)[a]
+        angle = (self.rib * phi[a]).sum(axis=1)
+        offset_along, offset_up = -self.offset * np.sin(angle), self.offset * np.cos(angle)
+        along = self.base + (self.before * cos).sum(axis=1) + offset_along
+        up = self.height + (self.before * sin).sum(axis=1) + offset_up
+        slope_along = -self.before * sin - offset_up[:, None] * self.rib
+        slope_up = self.before * cos + offset_along[:, None] * self.rib
+        place = np.stack([dx * along - dy * self.lateral, dy * along + dx * self.lateral, up], axis=1)
+        along_rate, up_rate = (slope_along * rate[a]).sum(axis=1), (slope_up * rate[a]).sum(axis=1)
+        speed = np.stack([dx * along_rate, dy * along_rate, up_rate], axis=1)
+        pull = self.k * (self.weight @ x - place) + self.c * (self.weight @ v - speed)
+        force -= self.weight.T @ pull
+        moment = slope_along * (dx * pull[:, 0] + dy * pull[:, 1])[:, None] + slope_up * pull[:, 2:]
+        np.add.at(push, a, moment)

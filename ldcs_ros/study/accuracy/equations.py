@@ -8,7 +8,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import bmat, csc_matrix, identity
 
+from ldcs_ros.schema.fields import SheetPlace
 from ldcs_ros.study.accuracy.chain import Chains
 from ldcs_ros.study.accuracy.places import Place, frame_of, place_of
 
@@ -21,7 +23,7 @@ class Equations:
 
     Attributes:
         free: Indices of the coordinates that no effect prescribes.
-        held: The drive torque of each joint [N m], shape (2, n_links), or None.
+        held: The drive torque of each joint [N m], shape (n_arms, n_links), or None.
         pressure: A function of time that returns the gauge pressure of each arm [Pa], or None.
         wrenches: Wrenches by frame: (force [N], torque [N m]).
     """
@@ -34,11 +36,13 @@ class Equations:
         self.n = len(self.grid)
         unit = np.array([self.size[0] / (nx - 1), self.size[1] / (ny - 1), self.size[2]])
         self.rest = self.grid[:, [1, 2, 0]] * unit - np.array([0.0, 0.5 * self.size[1], 0.5 * self.size[2]])
+        cut_out = np.zeros(self.n, dtype=bool)
+        cut_out[lattice.missing] = True
         pairs = [
             (a, b)
-            for a in range(self.n)
-            for b in range(a + 1, self.n)
-            if np.abs(self.grid[a] - self.grid[b]).max() == 1
+            for a in np.flatnonzero(~cut_out)
+            for b in np.flatnonzero(np.abs(self.grid - self.grid[a]).max(axis=1) == 1)
+            if b > a and not cut_out[b]
         ]
         self.a, self.b = np.array(pairs).T
         self.vector = self.rest[self.b] - self.rest[self.a]
@@ -49,10 +53,12 @@ class Equations:
             name: Place(point.layers, *self._columns_and_rows(point.nodes))
             for name, point in scene.points.items()
         }
-        self.mass = np.full(self.n, lattice.mass / self.n)
+        # Numbers of a scene: masses, and stiffnesses that regions or a material set.
+        self.mass = lattice.node_mass.copy()
+        self.mass[cut_out] = 1.0
         self.constant = np.zeros((self.n, 3))
         self.gravity = np.zeros(3)
-        fixed = np.zeros((self.n, 3), dtype=bool)
+        fixed = np.tile(cut_out[:, None], (1, 3))
         for effect in effects:
             if effect.name == "payload":
                 nodes = self._nodes(effect.at)
@@ -63,6 +69,8 @@ class Equations:
             elif effect.name == "gravity":
                 self.gravity = np.array(effect.acceleration)
             elif effect.name == "clamp":
+                if effect.between is not None or effect.box is not None:
+                    raise ValueError("the independent equations know clamped edges only")
                 fixed[self._edge(effect.edge)] = True
         self.constant += self.mass[:, None] * self.gravity
         self.driven = np.zeros(self.n, dtype=bool)
@@ -75,13 +83,23 @@ class Equations:
         self.chains = Chains(self.effects["arms"], self) if "arms" in self.effects else None
         moving = [~fixed.ravel()]
         if self.chains is not None:
-            moving.append(np.full(2 * self.chains.n, self.effects["arms"].drive != "curvature"))
+            moving.append(self.chains.used.ravel() & (self.effects["arms"].drive != "curvature"))
         self.free = np.flatnonzero(np.concatenate(moving))
         self.n_coordinates = sum(len(part) for part in moving)
         self.held: np.ndarray | None = None
         self.pressure: Callable[[float], np.ndarray] | None = None
         self.wrenches: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.pushed_frames = {command.wrench[0] for command in scene.inputs if command.wrench is not None}
         springs = self.effects.get("springs")
+        if springs is not None:
+            if scene.material is None:
+                self.k, self.c = (
+                    value * lattice.spring_factor(name)
+                    for name, value in (("stiffness", springs.stiffness), ("damping", springs.damping))
+                )
+            else:
+                self.k = scene.material.stiffness(lattice)
+                self.c = scene.material.relaxation_time * scene.material.stiffness(lattice, "damping")
         if springs is not None and springs.law == "corotational":
             # A star a node: its springs, padded with weight zero to the most that a node has.
             stars = [np.flatnonzero((self.a == i) | (self.b == i)) for i in range(self.n)]
@@ -92,7 +110,13 @@ class Equations:
                 self.member[i, : len(star)] = np.where(self.a[star] == i, self.b[star], self.a[star])
                 self.weight[i, : len(star)] = 1.0
 
-    def _nodes(self, at: str | Sequence[str | int]) -> np.ndarray:
+    def _nodes(self, at: str | Sequence[str | int] | SheetPlace) -> np.ndarray:
+        if isinstance(at, SheetPlace):
+            (nx, ny), (length, width) = self.shape, self.size[:2]
+            column, row = at.x / length * (nx - 1), (at.y / width + 0.5) * (ny - 1)
+            if abs(column - round(column)) + abs(row - round(row)) > 1e-9:
+                raise ValueError("the independent equations know places on nodes only")
+            at = (str(at.layer), round(column), round(row))
         return place_of(at, self.shape, self.points).nodes(self.grid)
 
     def _columns_and_rows(self, nodes: np.ndarray) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -150,26 +174,51 @@ class Equations:
             if self.effects["arms"].drive == "torque":
                 torque = self.held
             elif self.pressure is not None:
-                torque = self.effects["arms"].pressure_gain * np.outer(
-                    self.pressure(time), np.ones(self.chains.n)
-                )
+                gain = np.array([own.pressure_gain for own in self.chains.own])
+                torque = np.outer(gain * self.pressure(time), np.ones(self.chains.n))
             result[3 * self.n :] = self.chains.accelerations(
                 x, v, q[3 * self.n :], u[3 * self.n :], torque, force
             )
         result[: 3 * self.n] = (force / self.mass[:, None]).ravel()
         return result
 
+    def pattern(self) -> csc_matrix:
+        """Return where the slope of (q, u) depends on (q, u), for free coordinates."""
+        near = np.eye(self.n, dtype=bool)
+        near[self.a, self.b] = near[self.b, self.a] = True
+        if "springs" in self.effects and self.effects["springs"].law == "corotational":
+            near = near.astype(int) @ near > 0  # a star's rotation depends on all of its nodes
+        for frame in self.pushed_frames:
+            place = place_of(frame.removesuffix("_aligned"), self.shape, self.points)
+            patch = Place((0, 1), place.columns, place.rows).within(self.grid, 1)
+            near[np.ix_(patch, patch)] = True
+        whole = np.zeros((self.n_coordinates, self.n_coordinates), dtype=bool)
+        nodes = 3 * self.n
+        whole[:nodes, :nodes] = np.kron(near, np.ones((3, 3), dtype=bool))
+        for a in range(self.chains.count if self.chains is not None else 0):
+            assert self.chains is not None
+            held = np.flatnonzero((self.chains.weight[self.chains.arm == a] > 0.0).any(axis=0))
+            # The masses of a chain couple its angles, so each of them feels all nodes that it holds.
+            angles = nodes + a * self.chains.n + np.arange(self.chains.n)
+            held = (3 * held[:, None] + np.arange(3)).ravel()
+            whole[np.ix_(angles, angles)] = whole[np.ix_(angles, held)] = whole[np.ix_(held, angles)] = True
+            for tie in self.chains.weight[self.chains.arm == a] > 0.0:
+                corners = (3 * np.flatnonzero(tie)[:, None] + np.arange(3)).ravel()
+                whole[np.ix_(corners, corners)] = True
+        part = csc_matrix(whole[np.ix_(self.free, self.free)])
+        return csc_matrix(bmat([[None, identity(len(self.free))], [part, part]]))
+
     def _springs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         force = np.zeros_like(x)
         effect = self.effects.get("springs")
         if effect is None:
             return force
-        k, c = effect.stiffness, effect.damping
         if effect.law == "corotational":
-            return self._corotational(x, v, k, c)
+            return self._corotational(x, v, effect.stiffness, effect.damping)
+        k, c = self.k, self.c
         r, w = x[self.b] - x[self.a], v[self.b] - v[self.a]
         if effect.law == "axiswise":
-            pull = k * (r - self.vector) + c * w
+            pull = k[:, None] * (r - self.vector) + c[:, None] * w
         else:
             length = np.linalg.norm(r, axis=1)
             axis = r / length[:, None]
@@ -223,9 +272,13 @@ class Equations:
             force[patch] += np.cross(np.linalg.solve(tensor, axes @ moment), arm)
 
 
+# Nodes and weights of Gauss's rule with 60 points.
+GAUSS = np.polynomial.legendre.leggauss(60)
+
+
 def arc(s: np.ndarray, kappa: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (x, z) of an arc at lengths s [m], shape (n, 2), and their derivatives by the curvature."""
-    nodes, weights = np.polynomial.legendre.leggauss(60)
+    nodes, weights = GAUSS
     t = 0.5 * (nodes + 1.0) * s[:, None]
     scale = 0.5 * s[:, None] * weights
     place = [(scale * np.cos(kappa * t)).sum(axis=1), (scale * np.sin(kappa * t)).sum(axis=1)]
