@@ -55,6 +55,13 @@ def seed(text: str) -> int:
     return int(text)
 
 
+def count(text: str) -> int:
+    """Return a whole number above zero."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number above 0")
+    return int(text)
+
+
 def _positive(text: str, *, what: str, unit: str) -> float:
     value = number(text, what=what, unit=unit)
     if value <= 0.0:

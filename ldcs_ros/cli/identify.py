@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ldcs_ros.cli.arguments import CommandLineError, metres, seed
+from ldcs_ros.cli.arguments import CommandLineError, count, metres, seed
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_map, add_set, given_mapping, scene_of
 
@@ -50,10 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=metres,
         help="tracker's standard deviation [m]; else the bag's, or estimated",
     )
-    parser.add_argument("--starts", metavar="N", type=_count, default=8, help="start values to screen (8)")
+    parser.add_argument("--starts", metavar="N", type=count, default=8, help="start values to screen (8)")
     parser.add_argument("--seed", metavar="N", type=seed, default=0, help="seed of the start values (0)")
     parser.add_argument(
-        "--processes", metavar="N", type=_count, help="worker processes; one a core if not given"
+        "--processes", metavar="N", type=count, help="worker processes; one a core if not given"
     )
     parser.add_argument(
         "-o", "--output", metavar="FILE", type=Path, help="write the fitted scene into a new file"
@@ -135,9 +135,3 @@ def _print(found: Identification, read: Sequence[Experiment], output: Path | Non
     if output is not None:
         lines.append(("scene", str(output)))
     print_pairs(lines)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number above 0")
-    return int(text)

@@ -37,6 +37,7 @@ VERBS: dict[str, Verb] = {
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "reach": Verb("ldcs_ros.cli.reach", "find the commands under which points rest at their targets"),
     "sensitivity": Verb("ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"),
+    "sweep": Verb("ldcs_ros.cli.sweep", "evaluate a scene at many values: table, picture, Sobol indices"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
     "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),
     "recover": Verb(

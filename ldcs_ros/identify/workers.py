@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -14,6 +13,7 @@ import numpy as np
 
 from ldcs_ros.identify.experiments import Experiment, IdentificationError
 from ldcs_ros.identify.prediction import FIT_ACCURACY, residuals
+from ldcs_ros.simulation.threads import core_count
 
 _shared: tuple[dict[str, Any], Sequence[Experiment]] | None = None
 
@@ -35,7 +35,7 @@ class Workers:
     ) -> None:
         self._content, self._experiments = content, experiments
         self.count = 0
-        count = processes or len(os.sched_getaffinity(0))
+        count = processes or core_count()
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
             # Spawned, not forked: the caller may have threads. Numba's kernels come from its cache on disk.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -19,6 +20,13 @@ class BlasLibrary(Protocol):
 
     def set_num_threads(self, num_threads: int) -> object:
         """Set the number of threads."""
+
+
+def core_count() -> int:
+    """Return the number of cores that this process may use, at least 1."""
+    # macOS and Windows bind no process to cores, and have no such call.
+    affinity = getattr(os, "sched_getaffinity", None)
+    return (os.cpu_count() or 1) if affinity is None else len(affinity(0))
 
 
 @cache

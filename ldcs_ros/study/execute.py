@@ -7,12 +7,12 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
-from importlib import import_module
 from multiprocessing import get_context
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
+from ldcs_ros import extras
 from ldcs_ros.study.rows import Row, StudyError, Table, Task
 from ldcs_ros.study.tasks import perform, reference
 
@@ -52,7 +52,7 @@ def processes(count: int) -> Iterator[Submit]:
             yield submit
         except BrokenProcessPool as error:
             raise StudyError(
-                "a process of the study was ended from outside, or by a lack of memory; finished rows are kept: run "
+                "a worker process was ended from outside, or by a lack of memory; finished rows are kept: run "
                 "the same command again to continue, with fewer --jobs if memory is short"
             ) from error
         except BaseException:
@@ -65,14 +65,10 @@ def cluster(address: str) -> Iterator[Submit]:
     """Return a way to make calls on a Dask cluster; 'local' makes one on this machine.
 
     Raises:
-        StudyError: dask.distributed is not installed, or no scheduler answers at the address.
+        MissingPackageError: dask.distributed is not installed.
+        StudyError: No scheduler answers at the address.
     """
-    try:
-        distributed: Any = import_module("distributed")  # Any: an optional package without stubs
-    except ImportError as error:
-        raise StudyError(
-            "--scheduler needs dask.distributed; install it with: pip install 'ldcs_ros[cluster]'"
-        ) from error
+    distributed = extras.load("distributed", extra="cluster", purpose="--scheduler")
     try:
         client = (
             distributed.Client(processes=True, threads_per_worker=1, dashboard_address=None)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.simulation.simulation import Simulation
 
@@ -48,13 +49,11 @@ def at_rest(content: dict[str, Any] | Scene) -> Rest:
     simulation = scene.build()
     simulation.settle()
     position = simulation.state.position
-    lattice = simulation.lattice
-    edges = [position[lattice.index[:, :, row]].mean(axis=0)[:, [0, 2]] for row in (0, -1)]
-    circles = [circle(edge) for edge in edges]
+    radius, roundness = edge_radius(simulation.lattice, position)
     return Rest(
         displacement=displacement(simulation),
-        radius=float(np.mean([radius for radius, _ in circles])),
-        roundness=float(np.sqrt(np.mean([rms**2 for _, rms in circles]))),
+        radius=radius,
+        roundness=roundness,
         position=position,
         simulation=simulation,
     )
@@ -66,6 +65,20 @@ def displacement(simulation: Simulation) -> dict[str, np.ndarray]:
     return {
         name: MM * (point.position(now) - point.position(flat)) for name, point in simulation.points.items()
     }
+
+
+def edge_radius(lattice: Lattice, position: np.ndarray) -> tuple[float, float]:
+    """Return the radius of the actuated edges [m] by `RADIUS_METHOD`, and their distance from the circles [m].
+
+    Args:
+        lattice: The lattice.
+        position: Node positions in ldcs_base [m], shape (n_nodes, 3).
+    """
+    edges = [position[lattice.index[:, :, row]].mean(axis=0)[:, [0, 2]] for row in (0, -1)]
+    circles = [circle(edge) for edge in edges]
+    return float(np.mean([radius for radius, _ in circles])), float(
+        np.sqrt(np.mean([rms**2 for _, rms in circles]))
+    )
 
 
 def circle(points: np.ndarray) -> tuple[float, float]:

@@ -39,6 +39,7 @@ ORDER = (
     "viewing",
     "validate",
     "study",
+    "sweep",
     "ros",
     "cli",
     "__main__",
