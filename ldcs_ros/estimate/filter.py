@@ -96,8 +96,9 @@ class SurfaceFilter:
         an ensemble of full twins                 not built: each takes 0.25 s per second under 100 commands per second
 
     The rows before had no equilibria with the pressure of one arm below that of the others. With three arms, this
-    choice changes 0.7 to 0.13 mm. A missing mode acts like a lock on the stiff couplings of the arms. So 12 modes are worse than their fraction of
-    the sheet's motion suggests. A measurement far outside of the predicted covariance is left out, unless several
+    choice changes 0.7 to 0.13 mm. A missing mode acts like a lock on the stiff couplings of the arms. So 12 modes are
+    worse than their fraction of the sheet's motion suggests. A measurement far outside of the predicted covariance is
+    left out, unless several
     follow each other.
 
     Args:
