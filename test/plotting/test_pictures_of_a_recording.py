@@ -18,7 +18,7 @@ from ldcs_ros.plotting.pictures import draw, informative_indices
 from ldcs_ros.plotting.points import points_figure
 from ldcs_ros.plotting.style import STYLES
 from ldcs_ros.plotting.surface import surface_figure
-from ldcs_ros.signals.tracks import joint_tracks, point_tracks, pressure_tracks, surface_track
+from ldcs_ros.signals.tracks import Track, joint_tracks, point_tracks, pressure_tracks, surface_track
 
 
 def pixels(path):
@@ -108,6 +108,24 @@ def test_equal_lines_are_drawn_once_and_different_arms_apart(recording):
     labels = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes]
     assert labels[0] == ["left", "right"]
     assert labels[1] == ["left joints 1-4", "right joints 1-4"]
+
+
+def test_sixteen_arms_have_a_key_of_arms_in_their_order_and_one_look_in_all_panels():
+    time, arms = np.linspace(0.0, 1.0, 5), [f"arm_with_a_long_name_{k}" for k in range(16)]
+    pressures = {arm: Track(time, 1e3 * time * (k + 1)) for k, arm in sorted(enumerate(arms), key=str)}
+    names = tuple(f"{arm}_joint_{joint}" for arm in arms for joint in range(1, 5))
+    angles = Track(time, np.outer(time, np.arange(64)))
+    torques = Track(time, np.outer(time, np.repeat(np.arange(1, 17), 4)))
+    figure = drives_figure(pressures, (names, angles, torques), commanded=pressures, title="Sixteen")
+    assert [len(axes.lines) - 1 for axes in figure.axes] == [32, 16, 64]
+    looks = []
+    for axes in figure.axes:
+        assert axes.get_position().width > 0.3
+        key = axes.get_legend()
+        assert len(key.get_texts()) in (16, 17) and all(len(text.get_text()) < 20 for text in key.get_texts())
+        assert len({text.get_text() for text in key.get_texts()}) == len(key.get_texts())
+        looks.append([(line.get_color(), line.get_linestyle()) for line in key.get_lines()[:16]])
+    assert looks[0] == looks[1] == looks[2] and len(set(looks[0])) == 16
 
 
 def test_the_motion_is_a_moving_gif(recording, tmp_path):
