@@ -76,6 +76,19 @@ def rotated_vectors(rotation, values, back):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def rotated_columns(rotation, values, back):  # type: ignore[no-untyped-def]
+    """Return the same as `rotated_vectors` for each column of values, shape (3 n, k)."""
+    out = np.zeros(values.shape)
+    for k in range(len(rotation)):
+        for r in range(3):
+            for t in range(3):
+                factor = rotation[k, t, r] if back else rotation[k, r, t]
+                for c in range(values.shape[1]):
+                    out[3 * k + r, c] += factor * values[3 * k + t, c]
+    return out
+
+
+@compiled
 def fill_rotations(now, then, columns, rotation):  # type: ignore[no-untyped-def]
     """Write the rotation from frames `then` to frames `now` for each of the columns, shape (n, 3, 3)."""
     for k in range(columns.size):

@@ -26,9 +26,14 @@ class ChamberPressure:
     fill_time: float
     vent_time: float
 
+    @property
+    def time_constant(self) -> float:
+        """That of the way to the target [s]."""
+        return self.fill_time if self.target > self.pressure else self.vent_time
+
     def at(self, time: float) -> float:
         """Return the gauge pressure [Pa] at a time >= `self.time` [s]; it never leaves pressure ... target."""
-        tau = self.fill_time if self.target > self.pressure else self.vent_time
+        tau = self.time_constant
         if tau == 0.0:
             return self.target
         return self.target + (self.pressure - self.target) * math.exp(-max(0.0, time - self.time) / tau)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.errors import SceneError, SolverError
@@ -55,6 +57,10 @@ class Scene:
     @property
     def content(self) -> dict[str, Any]:
         """The scene as plain values with the keys of a scene file; a new copy at each access."""
+        return copy.deepcopy(self._content)
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
         return schema.CHECKS.keys(
             read_yaml(self.text, origin=self.name, error=SceneError), schema.TOP_KEYS, ""
         )
@@ -80,7 +86,7 @@ class Scene:
                 put_value(content, path, plain_values(value, origin=path, error=SceneError))
         for line in carry_places(self.content, content):
             warnings.warn(f"{self.name}: {line}", stacklevel=2)
-        return parse_scene(write_yaml(content), name=self.name, origin=self.name) if changed else self
+        return _checked_scene(content, write_yaml(content), self.name, self.name) if changed else self
 
     # Any: the fields of an effect are those of the class of that name.
     def effect(self, name: str) -> Any:
@@ -138,7 +144,10 @@ def parse_scene(text: str, *, name: str, origin: str) -> Scene:
     Raises:
         SceneError: The text is not a valid scene.
     """
-    content = read_yaml(text, origin=origin, error=SceneError)
+    return _checked_scene(read_yaml(text, origin=origin, error=SceneError), text, name, origin)
+
+
+def _checked_scene(content: object, text: str, name: str, origin: str) -> Scene:
     try:
         return scene_of_content(content, text, name=name)
     except SceneError as error:

@@ -6,15 +6,13 @@ At rest f(q, p) = 0, so dq/dp = -(df/dq)^-1 df/dp (implicit function theorem) wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.physics.inputs import HeldCommands
-from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import Point, point_at
-from ldcs_ros.schema.paths import get_value
 from ldcs_ros.simulation.command_directions import (
     AXES,
     KINDS,
@@ -24,7 +22,7 @@ from ldcs_ros.simulation.command_directions import (
 )
 from ldcs_ros.simulation.equilibrium import equilibrium
 from ldcs_ros.simulation.linear_model import stiffness_and_damping
-from ldcs_ros.simulation.problem import Problem
+from ldcs_ros.simulation.scene_number import SceneNumber
 from ldcs_ros.simulation.stability import stability
 
 RELATIVE_STEP = 1e-3
@@ -83,8 +81,8 @@ def sensitivity(at: OperatingPoint, of: Sequence[str], to: Sequence[str]) -> Sta
                 slope = force_slope(model, time, q, u, held, one)
                 columns.append((one.name, one.unit, slope, np.zeros(3 * len(places))))
         else:
-            unit = _unit(at.scene, name)
-            columns.append((name, unit, *_by_number(at, name, of, q, held)))
+            number = SceneNumber(at.scene, model, name)
+            columns.append((name, number.unit, *_by_number(at, number, of, q, held)))
     values = np.empty((3 * len(places), len(columns)))
     for column, (_, _, slope, explicit) in enumerate(columns):
         moved = np.zeros_like(q)
@@ -105,54 +103,23 @@ def sensitivity(at: OperatingPoint, of: Sequence[str], to: Sequence[str]) -> Sta
 
 
 def _by_number(
-    at: OperatingPoint, path: str, of: Sequence[str], q: np.ndarray, held: HeldCommands
+    at: OperatingPoint, number: SceneNumber, of: Sequence[str], q: np.ndarray, held: HeldCommands
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return d(force)/d(number), shape (n_free,), and the change of the places themselves [m per unit]."""
-    scene = at.scene
-    value = get_value(scene.content, path)
-    if value is None:
-        value = _default(scene, path)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"got {path!r}, expected a command, or the path of a number of the scene")
-    step = RELATIVE_STEP * (abs(value) if value else 1.0)
+    step = number.step(RELATIVE_STEP)
 
-    def look(number: float) -> tuple[np.ndarray, np.ndarray]:
-        other = scene.edited({path: number})
-        model = Model(other.lattice, other.points, other.effects, other.material)
-        if not np.array_equal(model.free, at.model.free):
-            raise ValueError(f"{path} changes the lattice, expected a number that keeps its nodes and arms")
+    def look(by: float) -> tuple[np.ndarray, np.ndarray]:
+        other, model = number.changed(by)
         there, u = q.copy(), np.zeros_like(q)
         model.prescribe(at.time, there, u)
         places = [point_at(other.lattice, name, other.points) for name in of]
         return model.force(at.time, there, 0.0 * u, held), positions(places, there)
 
-    try:
-        ahead, before = look(value + step), look(value - step)
-        further, behind = look(value + 2.0 * step), look(value - 2.0 * step)
-    except Exception as error:
-        raise ValueError(f"{path} cannot be changed by {2.0 * step:g}: {error}") from error
+    ahead, before, further, behind = (look(by * step) for by in (1.0, -1.0, 2.0, -2.0))
     force, place = (
         (8.0 * (ahead[k] - before[k]) - (further[k] - behind[k])) / (12.0 * step) for k in range(2)
     )
     return force, place
-
-
-def _default(scene: Problem, path: str) -> object:
-    effect, key = _effect_and_key(scene, path)
-    return getattr(effect, key, None)
-
-
-def _unit(scene: Problem, path: str) -> str:
-    effect, key = _effect_and_key(scene, path)
-    declared = {field.name: field for field in fields(effect)} if is_dataclass(effect) else {}
-    return str(declared[key].metadata.get("unit", "")) if key in declared else ""
-
-
-def _effect_and_key(scene: Problem, path: str) -> tuple[object, str]:
-    # The last key of an effect, also where an arm of a list has it.
-    words = path.split(".")
-    effect = scene.effect(words[1]) if len(words) > 2 and words[0] == "effects" else None
-    return effect, words[-1]
 
 
 def positions(places: Sequence[Point], flat: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.checkpoint import Checkpoint
+from ldcs_ros.simulation.follower import StepFollower
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.statistics import Statistics
@@ -31,11 +32,14 @@ if TYPE_CHECKING:
     from ldcs_ros.simulation.command_directions import OperatingPoint
     from ldcs_ros.simulation.equilibrium import Equilibrium
     from ldcs_ros.simulation.linear_model import LinearModel
+    from ldcs_ros.simulation.run_sensitivity import RunSensitivity
     from ldcs_ros.simulation.sensitivity import StaticSensitivity
     from ldcs_ros.simulation.stability import Stability
     from ldcs_ros.tables.run import Run
 
 DEFAULT_INTEGRATOR = "esdirk43"
+# A step is taken again if its follower asks for one shorter by this factor.
+RETAKEN = 0.8
 
 
 class Simulation:
@@ -71,6 +75,8 @@ class Simulation:
         elif solver.dt is not None:
             self._control = FixedSteps(self.integrator, solver.dt)
         self._initial_state = self.integrator.memory
+        self._follower: StepFollower | None = None
+        self._pace: Pace
         self._taken: tuple[tuple[float, int], Step, State] | None = None
         self.statistics = Statistics()
         # A command that will be refused in ten minutes is refused now.
@@ -381,6 +387,53 @@ class Simulation:
         with one_thread():
             return sensitivity(self.operating_point(), of, to)
 
+    def run_sensitivity(
+        self,
+        time: Sequence[float],
+        of: Sequence[str],
+        to: Sequence[str],
+        *,
+        settled: bool = False,
+        with_error: bool = True,
+    ) -> RunSensitivity:
+        """Return how places move along a run with commands, numbers of the scene and the start [m per SI unit].
+
+        The run begins at the present state and follows the scene's schedule; the simulation stays as it is. Steps are
+        frozen: the derivatives are those of the computed motion, by the linearised equations of its steps.
+
+        Args:
+            time: Times at which the derivatives are wanted [s], rising, the present time or later.
+            of: Points or `node_<layer>_<i>_<j>`.
+            to: Commands as of `sensitivity`, higher for the whole run; with `@0.8` the scheduled command of 0.8 s,
+                until the next one of its kind. Paths of the scene, also `inputs[1].pressure`. `start.position.mode_1`,
+                `start.velocity.node_top_8_4.z`: coordinates and rates at the start, of a natural mode or a node.
+            settled: The run begins at a rest state, which moves with the numbers. Otherwise the present state is kept,
+                unless it is the scene's own start.
+            with_error: State an error of each derivative, by a second run at ten times the accuracy.
+
+        Raises:
+            ValueError: There is no such place, number or time.
+            DivergenceError: A step could not be taken.
+        """
+        from ldcs_ros.simulation.run_sensitivity import run_sensitivity
+
+        with one_thread():
+            return run_sensitivity(self, self._branch, time, of, to, settled=settled, with_error=with_error)
+
+    def _branch(self, accuracy: float) -> Simulation:
+        """Return a simulation that goes on from the present state by the usual one-step method at an accuracy [m]."""
+        method = {"integrator": DEFAULT_INTEGRATOR, "accuracy": accuracy}
+        other, motion = Simulation(self.scene.edited({"solver": method})), self.motion()
+        other.time, other._next_command = self.time, self._next_command
+        other.inputs.set_state(self.inputs.get_state())
+        other._begin(motion.q, motion.u)
+        return other
+
+    def follow(self, follower: StepFollower) -> None:
+        """Have every step from now on followed; the follower's own errors take the place of a transported one."""
+        self._follower = follower
+        self._pace = replace(self._pace, errors=())
+
     def linearize(self, modes: int = 12) -> LinearModel:
         """Return the linear model around the present state, with its lowest natural modes."""
         from ldcs_ros.simulation.linear_model import linearize
@@ -395,7 +448,7 @@ class Simulation:
         self._held, self._input_version = self.inputs.held(), self.inputs.version
         motion = self.integrator.start(self.time, q, u, self._held)
         self._step = Step(motion, motion, 0.0)
-        self._pace: Pace = self._control.first(motion)
+        self._pace = self._control.first(motion)
         self._last_command_time, self._next_command_time = -math.inf, math.inf
 
     def _advance(self, time: float) -> None:
@@ -419,10 +472,20 @@ class Simulation:
             corners = (self._next_event(), self._next_command_time, *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
             opening = start.time == self._last_command_time
-            step, pace = self._control.advance(start, self._held, self._pace, barrier, opening=opening)
-            self._step = step
-            self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
-            self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
+            self._take_step(*self._control.advance(start, self._held, self._pace, barrier, opening=opening))
+
+    def _take_step(self, step: Step, pace: Pace) -> None:
+        if self._follower is not None:
+            longest = self._follower.longest_step(step, self._held)
+            if longest < RETAKEN * (step.right.time - step.left.time):
+                self.integrator.counters.rejected_steps += 1
+                self._pace = replace(self._pace, h=longest, opening=longest)
+                return
+            self._follower.take(step)
+            pace = replace(pace, h=min(pace.h, longest))
+        self._step = step
+        self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
+        self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
 
     def _take_commands(self) -> None:
         # A command acts now: the step beyond now is dropped, and the smooth part of the acceleration stays.

@@ -92,12 +92,19 @@ class Dirk(Integrator):
         self._trails: tuple[StagePredictor, ...] = ()
         self._transport = ErrorTransport(self._system)
         self._stage_factors: list[Factors] = []
+        self._stage_accelerations = np.empty((0, len(self.model.free)))
+        self.iteration_share = ITERATION_SHARE
         self._inner_stages = [int(np.argmin(np.abs(self.tableau.c[1:] - s))) for s in INNER]
         self._updates = BroydenUpdates(self._reach)
         # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
         self._loose = self.model.is_unconstrained
         self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
         self._contact_width = min(term.contact_width for term in self.model.terms)
+
+    @property
+    def last_stages(self) -> tuple[np.ndarray, list[Factors]]:
+        """Accelerations of the last step's stages, shape (n_stages, n_free), and factors of those after the first."""
+        return self._stage_accelerations, self._stage_factors
 
     @property
     def memory(self) -> Any:
@@ -188,7 +195,7 @@ class Dirk(Integrator):
                 rate_step,
                 q0 + h * (tableau.a[i, :i] @ rates[:i]),
                 rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
-                min(ITERATION_SHARE * tolerance, ONSET_SHARE * self._contact_width),
+                min(self.iteration_share * tolerance, ONSET_SHARE * self._contact_width),
             )
             guess = trail.guess(points, time)
             self.model.prescribe(time, q, u)
@@ -213,7 +220,7 @@ class Dirk(Integrator):
             rates[i], accelerations[i] = u[free], a
             stage_factors.append(used)
             points.append((time, a))
-        self._stage_factors = stage_factors
+        self._stage_factors, self._stage_accelerations = stage_factors, accelerations
         self._factors, self._trails = factors, (trail, trail.extended(points))
         if measured:
             self._rate, self._measured = worst, True
@@ -225,7 +232,9 @@ class Dirk(Integrator):
         if error > tolerance and factors is not None:
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
-        return Step(motion, right, error, self._momentum_drift(rate_defect), self.largest_displacement(rate_defect))
+        return Step(
+            motion, right, error, self._momentum_drift(rate_defect), self.largest_displacement(rate_defect)
+        )
 
     def _momentum_drift(self, rate_defect: np.ndarray) -> float:
         """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.

@@ -126,22 +126,29 @@ class Factors:
         return self._nodes, np.zeros((self._n, 0)), np.zeros((self._n, 0)), np.zeros((0, 0))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Return W^-1 right for free coordinates, shape (n_free,)."""
+        """Return W^-1 right for free coordinates, shape (n_free,) or (n_free, k)."""
         result = np.empty_like(right)
         nodes = right[self._order]
         if self._turns is not None:
-            nodes = self._rotated(self._turns[0], nodes, back=True)
+            nodes = self._rotate(self._turns[0], nodes, back=True)
         nodes = self._nodes.solve(nodes)
         if len(right) > self._n:
-            angles = self._corner @ (right[self._n :] - nodes @ self._border)
+            angles = self._corner @ (right[self._n :] - (nodes.T @ self._border).T)
             nodes -= self._reach @ angles
             result[self._n :] = angles
         if self._turns is not None:
-            nodes = self._rotated(self._turns[1], nodes, back=False)
+            nodes = self._rotate(self._turns[1], nodes, back=False)
         result[self._order] = nodes
         if self._scale != 1.0:
             result *= self._scale
         return result
+
+    def _rotate(self, turn: np.ndarray, nodes: np.ndarray, *, back: bool) -> np.ndarray:
+        if nodes.ndim == 1:
+            return self._rotated(turn, nodes, back)
+        from ldcs_ros.physics.column_frames import rotated_columns
+
+        return np.asarray(rotated_columns(turn, nodes, back))
 
 
 class LinearSystem:

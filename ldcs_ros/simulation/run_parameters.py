@@ -1,0 +1,387 @@
+"""The numbers by which a run is differentiated: commands, numbers of the scene, and its start."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ldcs_ros.physics.inputs import HeldCommands, ScheduledCommand
+from ldcs_ros.physics.model import Model
+from ldcs_ros.physics.points import Point, point_at
+from ldcs_ros.schema.units import TIME_TOLERANCE
+from ldcs_ros.simulation.command_directions import (
+    AXES,
+    KINDS,
+    CommandDirection,
+    OperatingPoint,
+    command_directions,
+)
+from ldcs_ros.simulation.inputs import Inputs, InputsState
+from ldcs_ros.simulation.linear_model import natural_modes, stiffness_and_damping
+from ldcs_ros.simulation.problem import Problem
+from ldcs_ros.simulation.scene_number import SceneNumber
+from ldcs_ros.simulation.sensitivity import positions
+
+# Central differences of forces that are smooth in a number: truncation and rounding are below 1e-8 of the slope.
+RELATIVE_STEP = 1e-4
+_START = re.compile(r"^start\.(position|velocity)\.(?:mode_(\d+)|(\w+)\.([xyz]))$")
+
+
+class CommandColumns:
+    """Commands that are higher by one unit: for the whole run, or from one time of the schedule to the next.
+
+    The force is linear in commands. A chamber follows its target by a first-order lag, solved exactly, so its
+    pressure has a tangent of its own.
+
+    Args:
+        at: The start of the run.
+        schedule: The commands to come.
+        names: `pressure.left` for the whole run, `pressure.left@0.8` for the command of 0.8 s.
+        dead_time: Dead time of each arm's valve [s].
+        settled: The run starts at rest under its commands.
+
+    Attributes:
+        names: Name of each column.
+        units: SI unit of each column.
+
+    Raises:
+        ValueError: There is no such command, or none at that time.
+    """
+
+    def __init__(
+        self,
+        at: OperatingPoint,
+        schedule: Sequence[ScheduledCommand],
+        names: Sequence[str],
+        dead_time: Sequence[float],
+        *,
+        settled: bool,
+    ) -> None:
+        self._model = at.model
+        self.names: tuple[str, ...] = ()
+        self.units: tuple[str, ...] = ()
+        self._channels: list[CommandDirection] = []
+        channel, chamber, on, off = [], [], [], []
+        for name in names:
+            kind, time = name, -math.inf
+            if "@" in name:
+                kind, _, text = name.partition("@")
+                time = _time(name, text)
+            for one in command_directions(at, kind):
+                known = [c.name for c in self._channels]
+                if one.name not in known:
+                    self._channels.append(one)
+                    known.append(one.name)
+                channel.append(known.index(one.name))
+                is_pressure = one.name.startswith("pressure.")
+                arm = at.arm_names.index(one.name.partition(".")[2]) if is_pressure else -1
+                delay = dead_time[arm] if is_pressure else 0.0
+                chamber.append(arm)
+                begin, end = (
+                    (-math.inf, math.inf) if "@" not in name else _interval(schedule, one.name, name, time)
+                )
+                on.append(begin + delay)
+                off.append(end + delay)
+                self.names += (one.name if "@" not in name else f"{one.name}@{time:.12g}",)
+                self.units += (one.unit,)
+        self._channel, self._chamber = np.array(channel, dtype=int), np.array(chamber, dtype=int)
+        self._on, self._off = np.array(on), np.array(off)
+        # Chambers of a settled start have their commanded pressure.
+        self._pressure = np.where(settled & np.isneginf(self._on), 1.0, 0.0)
+        self._target = np.zeros(len(self._on))
+        self._time, self._rate = at.time, np.zeros(len(self._on))
+        self._held = at.now
+
+    @property
+    def begun(self) -> np.ndarray:
+        """Whether each column has moved anything yet, shape (k,)."""
+        return np.asarray(self._on <= self._time + TIME_TOLERANCE)
+
+    def enter(self, time: float, held: HeldCommands) -> None:
+        """Begin a step at a time [s] with the commands that act during it."""
+        self._pressure = self._amplitude(time)
+        self._time, self._held = time, held
+        acts = (self._on <= time + TIME_TOLERANCE) & (time + TIME_TOLERANCE < self._off)
+        self._target = acts.astype(float)
+        constants = np.array([*(chamber.time_constant for chamber in held.chambers), 0.0])
+        with np.errstate(divide="ignore"):
+            self._rate = 1.0 / constants[self._chamber]
+
+    def forces(self, time: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return d(force)/d(command) of the free coordinates, shape (n_free, k)."""
+        return self._scaled(time, q, u, self._amplitude(time))
+
+    def unit_forces(self, time: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the same of commands that act in full, also of those to come."""
+        return self._scaled(time, q, u, np.ones(len(self._on)))
+
+    def _scaled(self, time: float, q: np.ndarray, u: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+        model, held = self._model, self._held
+        slopes = np.zeros((len(self._channels), len(model.free)))
+        for number in np.unique(self._channel[amplitude != 0.0]):
+            one = self._channels[number]
+            jump = model.force_jump(time, q, u, one.apply(held, 0.0), one.apply(held, one.step))
+            slopes[number] = jump[model.free] / one.step
+        return slopes[self._channel].T * amplitude
+
+    def _amplitude(self, time: float) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            decay = np.exp(-self._rate * max(time - self._time, 0.0))
+        decay[np.isinf(self._rate)] = 0.0
+        return np.asarray(self._target + (self._pressure - self._target) * decay)
+
+
+class NumberColumn:
+    """A number of the scene: central differences of the force at the run's own motion.
+
+    Args:
+        number: The number.
+        scene: The scene.
+        model: Its model.
+        of: Names of the places.
+        inputs: State of the inputs at the start of the run; None to run the schedule from the scene's start.
+        time: Time of the start [s].
+        settled: The run starts at rest under its commands.
+
+    Raises:
+        ValueError: The number changes the free coordinates, or times of commands or valves.
+    """
+
+    def __init__(
+        self,
+        number: SceneNumber,
+        scene: Problem,
+        model: Model,
+        of: Sequence[str],
+        *,
+        inputs: InputsState | None,
+        time: float,
+        settled: bool,
+    ) -> None:
+        self.name, self.unit = number.path, number.unit
+        self._step = number.step(RELATIVE_STEP)
+        self._model = model
+        self._sides: list[tuple[float, Model, _Commands, list[Point]]] = []
+        neighbours = [number.changed(sign * self._step) for sign in (1.0, -1.0)]
+        for sign, (other, changed) in zip((1.0, -1.0), neighbours, strict=True):
+            commands = _Commands(changed, other.inputs, inputs, time, settled=settled)
+            if _event_times(scene, model) != _event_times(other, changed):
+                raise ValueError(
+                    f"{self.name} moves the time of a command or valve: a run with frozen steps has no derivative by it"
+                )
+            places = [point_at(other.lattice, name, other.points) for name in of]
+            self._sides.append((sign, changed, commands, places))
+        other, changed = neighbours[0]
+        self._terms = _changed_terms(scene, model, other, changed)
+        self._moves_bounds = any(model.terms[k] in model.prescribing for k in self._terms)
+        self._changes_mass = not np.array_equal(changed.node_mass, model.node_mass) or any(
+            model.terms[k] is model.arms for k in self._terms
+        )
+        self._moves_places = other.lattice != scene.lattice or other.points != scene.points
+
+    def enter(self, time: float) -> None:
+        """Begin a step at a time [s]."""
+        for _, _, commands, _ in self._sides:
+            commands.advance(time)
+
+    def force(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return d(f - M a)/d(number) of the free coordinates, shape (n_free,)."""
+        slope = np.zeros(len(self._model.free))
+        for sign, model, commands, _ in self._sides:
+            total = np.zeros(model.n_coordinates)
+            there, rate = self._there(model, time, q, u)
+            for k in range(len(model.terms)) if self._moves_bounds else self._terms:
+                model.terms[k].add_force(time, there, rate, commands.held, total)
+            force = total[model.free]
+            if self._changes_mass:
+                force -= model.momentum(there, a)
+            slope += sign / (2.0 * self._step) * force
+        return slope
+
+    def start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return how the scene's own start moves, coordinates and rates, shape (n_free,) each."""
+        (q1, u1), (q0, u0) = (model.reference_state() for _, model, _, _ in self._sides)
+        free, width = self._model.free, 2.0 * self._step
+        return (q1 - q0)[free] / width, (u1 - u0)[free] / width
+
+    def explicit(self, time: float, q: np.ndarray) -> np.ndarray | float:
+        """Return how the places move with free coordinates at rest: clamped nodes, and places on the sheet."""
+        if not (self._moves_places or self._moves_bounds):
+            return 0.0
+        ahead, before = (
+            positions(places, self._there(model, time, q, 0.0 * q)[0]) for _, model, _, places in self._sides
+        )
+        return np.asarray((ahead - before) / (2.0 * self._step))
+
+    def _there(
+        self, model: Model, time: float, q: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if not self._moves_bounds:
+            return q, u
+        q, u = q.copy(), u.copy()
+        model.prescribe(time, q, u)
+        return q, u
+
+
+class _Commands:
+    """The commands of a changed scene over a run, without its motion."""
+
+    def __init__(
+        self,
+        model: Model,
+        schedule: Sequence[ScheduledCommand],
+        inputs: InputsState | None,
+        time: float,
+        *,
+        settled: bool,
+    ) -> None:
+        self._time, self._next, self._schedule = 0.0, 0, schedule
+        self._inputs = Inputs(model, lambda: self._time)
+        if inputs is not None:
+            each = () if model.arms is None else model.arms.each
+            chambers = tuple(
+                replace(chamber, fill_time=own.fill_time, vent_time=own.vent_time)
+                for chamber, own in zip(inputs.chambers, each, strict=False)
+            )
+            self._inputs.set_state(replace(inputs, chambers=chambers))
+            self._next = sum(command.time <= time + TIME_TOLERANCE for command in schedule)
+        self.advance(time)
+        if settled:
+            self._inputs.settle()
+        self.held = self._inputs.held()
+
+    def advance(self, time: float) -> None:
+        """Apply everything up to a time [s]."""
+        while True:
+            scheduled = self._schedule[self._next].time if self._next < len(self._schedule) else math.inf
+            event = min(scheduled, self._inputs.next_valve_change())
+            if event > time + TIME_TOLERANCE:
+                break
+            self._time = max(event, 0.0)
+            if event == scheduled:
+                self._inputs.apply_scheduled(self._schedule[self._next])
+                self._next += 1
+            else:
+                self._inputs.apply_valve_change()
+        self._time = time
+        self.held = self._inputs.held()
+
+
+def _event_times(scene: Problem, model: Model) -> tuple[list[float], list[float]]:
+    dead_times = [] if model.arms is None else [own.dead_time for own in model.arms.each]
+    return [command.time for command in scene.inputs], dead_times
+
+
+def _changed_terms(scene: Problem, model: Model, other: Problem, changed: Model) -> list[int]:
+    """Return the terms whose force may differ; all where lattice, places, material, schedule or gravity do."""
+    everything = list(range(len(model.terms)))
+    if any(
+        getattr(scene, part) != getattr(other, part) for part in ("lattice", "points", "material", "inputs")
+    ):
+        return everything
+    effects = [effect != twin for effect, twin in zip(model.effects, changed.effects, strict=True)]
+    names = [effect.name for effect in model.effects]
+    if any(differs and name == "gravity" for differs, name in zip(effects, names, strict=True)):
+        return everything
+    heavier = not np.array_equal(model.node_mass, changed.node_mass)
+    return [k for k in everything if effects[k] or (heavier and names[k] == "gravity")]
+
+
+class StartColumns:
+    """Coordinates and rates at the start of a run.
+
+    Args:
+        at: The start.
+        names: `start.position.node_top_8_4.z`, `start.velocity.mode_2`: a coordinate or rate of a free node, or a
+            natural mode around the start, whose largest displacement is 1 m.
+
+    Attributes:
+        names: Name of each column.
+        units: SI unit of each column.
+        q: Tangent of the coordinates at the start, shape (n_free, k).
+        u: Tangent of the rates.
+
+    Raises:
+        ValueError: There is no such node or mode, or it is held.
+    """
+
+    def __init__(self, at: OperatingPoint, names: Sequence[str]) -> None:
+        self.names, n = tuple(names), len(at.model.free)
+        matches = [_START.match(name) for name in names]
+        modes = [0 if match is None else int(match[2] or 0) for match in matches]
+        shapes = start_modes(at, max(modes)) if 0 < max(modes, default=0) <= n else np.zeros((n, 0))
+        self.q, self.u = np.zeros((n, len(names))), np.zeros((n, len(names)))
+        units = []
+        for k, (name, match, mode) in enumerate(zip(names, matches, modes, strict=True)):
+            if match is None or (match[2] is not None and not 1 <= mode <= n):
+                raise ValueError(
+                    f"got {name!r}, expected start.position or start.velocity of mode_1 to mode_{n} "
+                    "or of node_<layer>_<i>_<j>.<axis>"
+                )
+            is_position = match[1] == "position"
+            column = shapes[:, mode - 1] if mode else _of_node(at.model, name, match[3], match[4])
+            (self.q if is_position else self.u)[:, k] = column
+            units.append("m" if is_position else "m/s")
+        self.units = tuple(units)
+
+
+def start_modes(at: OperatingPoint, count: int) -> np.ndarray:
+    """Return the lowest natural modes around a state, shape (n_free, count).
+
+    The largest displacement of each is 1 m.
+    """
+    by_q, _ = stiffness_and_damping(at.model, at.time, at.q, 0.0 * at.u, at.now)
+    shapes = natural_modes(at.model, at.q, by_q, count)[1]
+    nodes = shapes[: at.model.n_free_nodes]
+    largest = np.take_along_axis(nodes, np.abs(nodes).argmax(axis=0)[None], axis=0)
+    return np.asarray(shapes / np.where(largest == 0.0, 1.0, largest))
+
+
+def _of_node(model: Model, name: str, node: str, axis: str) -> np.ndarray:
+    nodes = point_at(model.lattice, node, model.points).nodes
+    coordinate = 3 * int(nodes[0]) + AXES.index(axis)
+    column = (model.free == coordinate).astype(float)
+    if len(nodes) > 1 or not column.any():
+        raise ValueError(f"got {name!r}, expected a node that is free along {axis}")
+    return column
+
+
+def is_command(name: str) -> bool:
+    """Return whether a name is that of a command."""
+    return name.partition(".")[0] in KINDS
+
+
+def _time(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(
+            f"got {name!r}, expected the time of a scheduled command after the @, in s"
+        ) from None
+
+
+def _frame(command: ScheduledCommand) -> str | None:
+    return None if command.wrench is None else command.wrench[0]
+
+
+def _interval(
+    schedule: Sequence[ScheduledCommand], channel: str, name: str, time: float
+) -> tuple[float, float]:
+    """Return when the command of a time acts: from then to the next of its kind [s]."""
+    kind, _, rest = channel.partition(".")
+    frame = rest.partition(".")[0]
+    times = [
+        command.time
+        for command in schedule
+        if (getattr(command, kind) is not None if kind != "wrench" else _frame(command) == frame)
+    ]
+    found = [k for k, when in enumerate(times) if abs(when - time) <= TIME_TOLERANCE]
+    if not found:
+        listed = ", ".join(f"{when:g}" for when in times[:10]) or "none"
+        raise ValueError(f"got {name!r}, expected a time of the scene's schedule for {kind}: {listed}")
+    last = found[-1]
+    return times[last], times[last + 1] if last + 1 < len(times) else math.inf
