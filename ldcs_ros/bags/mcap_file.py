@@ -43,6 +43,7 @@ FOOTER = struct.Struct("<BQQQI8s")
 """Opcode, length, start of the summary, start of its offsets, checksum, closing mark."""
 SUMMED_FOOTER = 1 + 8 + 8 + 8
 """Bytes of the footer that its checksum covers."""
+COMPRESSIONS = (b"", b"zstd", b"lz4")
 LARGEST_OPCODE = 0x0F
 PRIVATE_OPCODES = 0x80
 MOST_OPEN = 512 * 2**20
@@ -241,7 +242,7 @@ class McapFile:
         if opcode == Opcode.CHUNK:
             start, end, size, _, name = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
             self._check_size(max(length, size), f"the chunk at byte {position}", LARGEST_CHUNK)
-            stream.seek(name, os.SEEK_CUR)
+            self._check_compression(stream.read(min(name, length)), position)
             packed = LENGTH.unpack(stream.read(LENGTH.size))[0]
             if CHUNK_HEAD.size + name + LENGTH.size + packed != length:
                 raise ValueError(f"the chunk claims {packed} bytes of {length}")
@@ -260,6 +261,13 @@ class McapFile:
                 record = Metadata.read(ReadDataStream(BytesIO(stream.read(length))))
                 if record.name == CUSTOM_DATA_RECORD:
                     self.custom_data = dict(record.metadata)
+
+    def _check_compression(self, name: bytes, position: int) -> None:
+        if name not in COMPRESSIONS:
+            raise RecordingError(
+                f"{self._path}: the chunk at byte {position} is compressed with {name[:20]!r}, expected zstd, lz4 "
+                "or none; `ldcs recover` leaves such chunks out"
+            )
 
     def _check_size(self, size: int, record: str, limit: int) -> None:
         if size > limit:

@@ -185,6 +185,12 @@ def test_a_chunk_that_claims_more_than_bounds_allow_is_refused_before_it_is_open
     assert f"the chunk at byte {chunk(file)} claims 10737418240 bytes" in one_line(read_bag, file)
 
 
+def test_a_chunk_of_another_compression_is_named(tmp_path):
+    file = write_mcap(tmp_path / "rig.mcap", enable_crcs=False)
+    file.write_bytes(file.read_bytes().replace(b"zstd", b"zxtd"))
+    assert f"the chunk at byte {chunk(file)} is compressed with b'zxtd'" in one_line(read_bag, file)
+
+
 def test_a_damaged_chunk_is_named_and_the_others_are_recovered(tmp_path):
     file = write_mcap(tmp_path / "rig.mcap", chunk_size=60)
     place = chunk(file)
