@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 
 class LdcsError(Exception):
     """Base of the errors that a user can act on; the command line prints them as one line."""
@@ -45,6 +48,16 @@ class MissingPackageError(LdcsError, ImportError):
 
 class ViewingError(LdcsError, OSError):
     """A viewer, a browser or a port that is needed to show something is not to be had."""
+
+
+def user_path(path: str | os.PathLike[str]) -> Path:
+    """Return a path that a person gave; `~` is the home folder, as the shell does not replace it in `--bag=~/out`."""
+    return Path(os.path.expanduser(path))
+
+
+def path_in_words(path: str | os.PathLike[str]) -> str:
+    """Return a path as text of any alphabet; bytes that are no UTF-8 become a question mark."""
+    return os.fsencode(path).decode("utf-8", "replace")
 
 
 def one_line(error: BaseException) -> str:

@@ -22,7 +22,7 @@ from ldcs_ros.bags.sqlite3_file import Sqlite3File
 from ldcs_ros.bags.storage import Definition, StorageFile, StoredChannel
 from ldcs_ros.bags.topics import TopicInfo
 from ldcs_ros.bags.types import BagTypes
-from ldcs_ros.errors import RecordingError, one_line
+from ldcs_ros.errors import RecordingError, one_line, path_in_words, user_path
 
 STORAGE_SUFFIXES = (".mcap", ".db3")
 PACKED_SUFFIX = ".zstd"
@@ -42,7 +42,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     Raises:
         RecordingError: Nothing there, not a bag, cut off before its end, or damaged; here or while reading.
     """
-    bag = Path(path)
+    bag = user_path(path)
     with _one_line(bag):
         metadata, files, notes = _contents(bag)
         source = _Bag(bag, files, metadata.compression == "message")
@@ -70,7 +70,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     custom_data = metadata.custom_data
     for file in source.files:
         custom_data = custom_data or dict(file.custom_data)
-    return Recording(str(bag), topics, counts, custom_data, start, end, source, tuple(notes))
+    return Recording(path_in_words(bag), topics, counts, custom_data, start, end, source, tuple(notes))
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from ldcs_ros.bags.metadata import (
 )
 from ldcs_ros.bags.reader import read_bag
 from ldcs_ros.bags.storage import LATEST
-from ldcs_ros.errors import RecordingError, one_line
+from ldcs_ros.errors import RecordingError, one_line, user_path
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def recover(
     Raises:
         RecordingError: Nothing there, no MCAP bag, still being recorded, or no room for the new file.
     """
-    bag = Path(path)
+    bag = user_path(path)
     summaries: list[FileSummary] = []
     rewritten: list[str] = []
     originals: list[str] = []

@@ -16,7 +16,7 @@ from ldcs_ros.bags.mcap_file import CUSTOM_DATA_RECORD
 from ldcs_ros.bags.metadata import bag_information, sync_folder, write_metadata
 from ldcs_ros.bags.schemas import Schema, Schemas
 from ldcs_ros.bags.topics import TopicInfo
-from ldcs_ros.errors import RecordingError, one_line
+from ldcs_ros.errors import RecordingError, one_line, user_path
 
 QUEUE_LIMIT = 32 << 20
 """Bytes that wait for the disk before `write` blocks: minutes of the paper scene."""
@@ -81,7 +81,7 @@ class BagWriter:
         definitions: Mapping[str, str] | None = None,
         flush_period: float = 0.5,
     ) -> None:
-        self.folder = Path(folder)
+        self.folder = user_path(folder)
         self.custom_data = _texts(custom_data or {})
         self.flush_period = flush_period
         self._schemas = Schemas(definitions)

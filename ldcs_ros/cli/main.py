@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import difflib
 import importlib
+import io
 import os
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from ldcs_ros import __version__
 from ldcs_ros.cli.arguments import CommandLineError
-from ldcs_ros.errors import LdcsError
+from ldcs_ros.errors import LdcsError, user_path
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
@@ -63,11 +65,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Words after `ldcs`; None takes them from the process.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # paths may hold bytes that are no text
+            stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = _note
     try:
         # An overflow of foreign numbers shows in the result, which is checked: the lines of NumPy say nothing more.
         warnings.simplefilter("ignore", RuntimeWarning)
         status = _dispatch(words)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
         return status
     except LdcsError as error:
         return _complain(str(error))
@@ -107,7 +114,13 @@ def _dispatch(words: list[str]) -> int:
     )
     module.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object, for machines")
-    status: int = module.run(parser.parse_args(words[1:]))
+    arguments = parser.parse_args(words[1:])
+    for option, value in vars(arguments).items():
+        if isinstance(value, Path):
+            setattr(arguments, option, user_path(value))
+        elif isinstance(value, list) and all(isinstance(one, Path) for one in value):
+            setattr(arguments, option, [user_path(one) for one in value])
+    status: int = module.run(arguments)
     return status
 
 
@@ -122,6 +135,10 @@ def _overview() -> str:
         "  ldcs simulate paper --duration 3 --bag out/first && ldcs plot out/first\n\n"
         "exit status: 0 done, 1 a check failed, 2 bad input, 130 interrupted"
     )
+
+
+def _note(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"ldcs: note: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 def _complain(message: str) -> int:

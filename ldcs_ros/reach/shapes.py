@@ -12,7 +12,9 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator, RectBivariateSpline, griddata
 from scipy.spatial import QhullError
 
+from ldcs_ros.errors import SceneError
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.schema.reader import read_text
 
 Height = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 """Height [m] of a surface at places x, y in ldcs_base [m], and its slopes along x and y."""
@@ -95,7 +97,7 @@ def shape_target(text: str, lattice: Lattice) -> ShapeTarget:
 
     Raises:
         ValueError: There is no such shape, or a number of it is missing or not sound.
-        OSError: The file cannot be read.
+        SceneError: The file cannot be read.
     """
     name, options = _name_and_options(text)
     if name in _NUMBERS:
@@ -228,8 +230,11 @@ def _node_heights(
 
 
 def _table(path: Path) -> tuple[list[str], np.ndarray]:
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        lines = [row for row in csv.reader(stream) if any(word.strip() for word in row)]
+    text = read_text(path, "target shape", SceneError).removeprefix("\ufeff")
+    try:
+        lines = [row for row in csv.reader(text.splitlines()) if any(word.strip() for word in row)]
+    except csv.Error as error:
+        raise ValueError(f"{path} is no table: {error}") from None
     columns = [word.strip() for word in lines[0]] if lines else []
     if columns[:3] not in (["x", "y", "z"], ["i", "j", "z"]) or columns[3:] not in ([], ["weight"]):
         raise ValueError(f"{path}: got columns {columns}, expected x,y,z or i,j,z, and weight where wanted")

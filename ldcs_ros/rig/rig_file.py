@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ldcs_ros.errors import BridgeError
+from ldcs_ros.errors import BridgeError, user_path
 from ldcs_ros.rig.limits import BOUNDS, Limits
 from ldcs_ros.rig.link import Link
 from ldcs_ros.rig.output.modbus import ModbusMap
@@ -22,7 +22,7 @@ from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink,
 from ldcs_ros.rig.units import PressureUnit
 from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.checks import Checks
-from ldcs_ros.schema.reader import plain_values, read_yaml, write_yaml
+from ldcs_ros.schema.reader import plain_values, read_text, read_yaml, write_yaml
 
 TOPIC_PROGRAM = "ldcs_ros.ros.rig.topic_output"  # started by name: this room imports no rclpy
 LINK_TYPES = ("modbus", "serial", "topics")
@@ -78,13 +78,10 @@ def load_rig(source: str | os.PathLike[str] | dict[str, Any]) -> RigFile:
     if isinstance(source, dict):
         content = plain_values(source, origin="the rig", error=BridgeError)
         return _rig(content, write_yaml(content))
-    path = shipped_rigs().get(str(source), Path(source))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BridgeError(
-            f"no rig {str(source)!r}: neither a readable file nor one of {list(shipped_rigs())}"
-        ) from error
+    path = shipped_rigs().get(str(source), user_path(source))
+    if not os.path.exists(path):  # Path.exists fails at names that no file can have
+        raise BridgeError(f"no rig {str(source)!r}: neither a file nor one of {list(shipped_rigs())}")
+    text = read_text(path, "rig file", BridgeError)
     content = read_yaml(text, origin=path.name, error=BridgeError)
     try:
         return _rig(content, text)

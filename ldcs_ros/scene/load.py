@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ldcs_ros.errors import SceneError
+from ldcs_ros.errors import SceneError, user_path
 from ldcs_ros.scene.scene import Scene, parse_scene, scene_of_content
 from ldcs_ros.schema.fields import did_you_mean, shown
 from ldcs_ros.schema.reader import plain_values, read_text, write_yaml
@@ -33,7 +33,7 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
         content = plain_values(source, origin="the scene", error=SceneError)
         return scene_of_content(content, write_yaml(content), name="scene")
     shipped = shipped_scenes()
-    path = Path(source)
+    path = user_path(source)
     if str(source) in shipped:
         path = shipped[str(source)]
     elif not os.path.isfile(path):  # Path.is_file fails at names that no file can have

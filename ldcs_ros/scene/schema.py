@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.errors import SceneError
@@ -23,7 +25,11 @@ if TYPE_CHECKING:
     from ldcs_ros.physics.material import Material
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
-MOST_NODES = 1000  # along one side: a memory limit, far above useful meshes
+MOST_NODES = 1000  # along one side
+MOST_MEMORY = 16e9
+"""Memory that the nodes of a scene may take [B]."""
+USUAL_SIDES = (1e-3, 10.0)
+"""Sides of a sheet that are plausible in metres [m]; others are probably in millimetres."""
 HOLE_SHAPES = ("box", "circle", "polygon")
 # Effects that a scene may name more than once.
 REPEATABLE = ("clamp", "force", "payload")
@@ -56,6 +62,14 @@ def check_lattice(value: object, material: Material | None, path: str) -> Lattic
             f"got {shown(nodes)}, expected two whole numbers of 2 ... {MOST_NODES} nodes @ {path}.nodes"
         )
     shape = (size[0], size[1], size[2])
+    memory = _memory(2 * nodes[0] * nodes[1])
+    if memory > MOST_MEMORY:
+        raise SceneError(
+            f"got {shown(nodes)} nodes, which take about {memory / 1e9:.0f} GB of memory, "
+            f"expected at most {MOST_MEMORY / 1e9:.0f} GB @ {path}.nodes"
+        )
+    if min(shape[:2]) < USUAL_SIDES[0] or max(shape) > USUAL_SIDES[1]:
+        warnings.warn(f"a sheet of {shown(size)} m; sizes are in metres @ {path}.size", stacklevel=1)
     holes = tuple(
         _check_shape(hole, (), f"{path}.holes[{k}]")
         for k, hole in enumerate(CHECKS.items(block.get("holes", []), f"{path}.holes"))
@@ -73,6 +87,11 @@ def check_lattice(value: object, material: Material | None, path: str) -> Lattic
         with CHECKS.at(path):
             _ = lattice.missing
     return lattice
+
+
+def _memory(count: int) -> float:
+    """Return the memory of a number of nodes [B]: springs, and factors by nested dissection, as measured."""
+    return 1400.0 * count * math.log2(count)
 
 
 def _check_shape(value: object, more: tuple[str, ...], path: str) -> PlaneShape:

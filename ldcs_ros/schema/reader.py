@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import re
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import NoReturn
 import numpy as np
 import yaml
 
-from ldcs_ros.errors import LdcsError
+from ldcs_ros.errors import LdcsError, user_path
 from ldcs_ros.schema.fields import shown
 
 MAX_BYTES = 1_000_000
@@ -45,9 +46,12 @@ def read_text(path: Path, kind: str, error: type[LdcsError]) -> str:
         LdcsError: The file cannot be read, is too large or is not UTF-8 text; the class is `error`.
     """
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise error(f"got {size} bytes, expected a {kind} of at most {MAX_BYTES} @ {path}")
+        path = user_path(path)
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise error(f"cannot read the {kind} {str(path)!r}: it is no regular file")
+        if status.st_size > MAX_BYTES:
+            raise error(f"got {status.st_size} bytes, expected a {kind} of at most {MAX_BYTES} @ {path}")
         return path.read_text(encoding="utf-8")
     except OSError as reason:
         raise error(f"cannot read the {kind} {str(path)!r}: {reason.strerror}") from reason

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ldcs_ros.bags import BagWriter, Qos, TopicInfo
+from ldcs_ros.errors import user_path
 from ldcs_ros.messages.topics import Topic
 from ldcs_ros.scene.complete import complete_text
 from ldcs_ros.twin.settings import software_versions
@@ -42,7 +43,7 @@ class Recorder:
         self._twin = twin
         self._namespace = namespace.rstrip("/")
         self._further = dict(custom_data or {})
-        self._first_folder = Path(folder)
+        self._first_folder = user_path(folder)
         self._folder_of_scene = self._first_folder
         self._scenes = self._resets = 0
         self._measured_error: float | None = None

@@ -6,7 +6,6 @@ import math
 import sys
 import threading
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import SetParametersResult
@@ -18,7 +17,7 @@ from rclpy.subscription import MessageInfo
 from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros import load_scene
-from ldcs_ros.errors import BridgeError
+from ldcs_ros.errors import BridgeError, user_path
 from ldcs_ros.mock_rig.modbus_server import ModbusServer
 from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
@@ -122,10 +121,11 @@ class MockRigNode(ParameterNode):
         path = self.value("rig_file")
         if path:
             # Written whole or not at all: a bridge may be waiting for it.
-            draft = Path(f"{path}.draft")
+            file = user_path(path)
+            draft = file.with_name(f"{file.name}.draft")
             draft.parent.mkdir(parents=True, exist_ok=True)
             draft.write_text(text, encoding="utf-8")
-            draft.replace(path)
+            draft.replace(file)
             self.get_logger().info(f"a bridge connects with rig:={path}")
         else:
             self.get_logger().info(
