@@ -96,6 +96,9 @@ site: setup  ## build the site of the docs into out/site, check its links, and i
 	@$(BIN)/python tools/make_site.py
 	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/docs/test_site.py
 
+wheel:  ## build the wheel into out/dist, install it by pip into an environment of its own and run it: EXTRAS=data,ros
+	@PYTHON='$(PYTHON)' EXTRAS='$(EXTRAS)' tools/wheel.sh
+
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh
 
@@ -124,4 +127,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel lock clean

@@ -17,6 +17,15 @@ setup(
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     python_requires=">=3.10",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Environment :: Console",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        *(f"Programming Language :: Python :: 3.{minor}" for minor in range(10, 15)),
+        "Topic :: Scientific/Engineering",
+        "Typing :: Typed",
+    ],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     # msg_defs in the package is a link to the interface package beside it: one source, readable without ROS.
     package_data={
@@ -53,6 +62,20 @@ setup(
         "zstandard",
     ],
     extras_require={
+        # The wheels of ROS 2 that the nodes run on (Linux x86-64); a sourced distribution has them, too.
+        "ros": [
+            "ros-rclpy",
+            "ros-rmw-fastrtps-cpp",
+            "ros-diagnostic-msgs",
+            "ros-geometry-msgs",
+            "ros-lifecycle-msgs",
+            "ros-rcl-interfaces",
+            "ros-rosgraph-msgs",
+            "ros-sensor-msgs",
+            "ros-std-msgs",
+            "ros-std-srvs",
+            "ros-visualization-msgs",
+        ],
         # What the bridge needs for valve islands (Modbus TCP) and serial lines.
         "rig": ["pymodbus>=3.16", "pyserial"],
         # What `ldcs view` shows bags and running twins with.
@@ -71,6 +94,12 @@ setup(
     entry_points={
         "console_scripts": [
             "ldcs = ldcs_ros.cli.main:main",
+            # Names that clash with no other program, for an installation by pip.
+            "ldcs-bridge = ldcs_ros.ros.__main__:bridge",
+            "ldcs-live-view = ldcs_ros.ros.live_view:main",
+            "ldcs-mock-rig = ldcs_ros.ros.__main__:mock_rig",
+            "ldcs-sim = ldcs_ros.ros.__main__:sim",
+            # Names of `ros2 run ldcs_ros`.
             "bridge = ldcs_ros.ros.__main__:bridge",
             "live_view = ldcs_ros.ros.live_view:main",
             "mock_rig = ldcs_ros.ros.__main__:mock_rig",

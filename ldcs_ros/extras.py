@@ -48,6 +48,11 @@ def advice(extra: str, package: str = "") -> str:
     return f"{shlex.quote(_python())} -m pip install {' '.join(shlex.quote(name) for name in names)}"
 
 
+def in_checkout() -> bool:
+    """Return whether this package runs from a checkout, whose Makefile installs what is optional."""
+    return (Path(__file__).resolve().parents[1] / "Makefile").is_file()
+
+
 def requirements(extra: str) -> list[str]:
     """Return the requirements that the installed package declares for an extra; [] if there is no declaration."""
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,6 +15,7 @@ from mcap.records import Attachment, ChunkIndex
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from ldcs_ros.bags.durable import lock, sync_data
 from ldcs_ros.bags.metadata import FileSummary, dump, topic_summary
 from ldcs_ros.bags.schemas import Schema
 from ldcs_ros.bags.topics import TopicInfo
@@ -78,7 +78,7 @@ class BagFile:
         self.path = path
         self._stream = _CountedStream(open_new(path))
         with suppress(OSError):  # file systems without locks: recording goes on without this protection
-            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._stream)
         self._writer = Writer(cast(IO[bytes], self._stream), chunk_size=CHUNK_SIZE, compression=COMPRESSION)
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[int, tuple[str, str, str, dict[str, str]]] = {}
@@ -156,7 +156,7 @@ class BagFile:
 
     def sync(self) -> None:
         """Wait until all flushed data are on the disk: they survive a power cut."""
-        os.fdatasync(self._stream.fileno())
+        sync_data(self._stream)
 
     def check(self) -> None:
         """Compare the file under its path with the one that is being written.

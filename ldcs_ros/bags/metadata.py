@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from ldcs_ros.bags.durable import sync_folder
 from ldcs_ros.bags.limits import LARGEST_METADATA, check_regular
 from ldcs_ros.bags.schemas import ROS_DISTRO
 from ldcs_ros.errors import RecordingError, one_line
@@ -221,15 +222,6 @@ def write_metadata(folder: Path, information: Mapping[str, object]) -> None:
         part.unlink(missing_ok=True)
         raise
     sync_folder(folder)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable, so that a rename survives a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import shutil
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ldcs_ros.bags.contents import Contents, read_contents, write_copy
+from ldcs_ros.bags.durable import lock, sync_folder
 from ldcs_ros.bags.limits import check_regular
 from ldcs_ros.bags.mcap_file import MAGIC
 from ldcs_ros.bags.metadata import (
@@ -21,7 +21,6 @@ from ldcs_ros.bags.metadata import (
     FileSummary,
     bag_information,
     read_metadata,
-    sync_folder,
     write_metadata,
 )
 from ldcs_ros.bags.reader import read_bag
@@ -267,7 +266,7 @@ def _locked(file: Path) -> Iterator[IO[bytes]]:
     """Return the file for reading, unless its recorder is still at work."""
     with open(file, "rb") as stream:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(stream)
         except BlockingIOError as error:
             raise RecordingError(f"{file} is being recorded at this moment; end that run first") from error
         except OSError:

@@ -12,8 +12,9 @@ from time import monotonic
 from types import TracebackType
 
 from ldcs_ros.bags.bag_file import CHUNK_SIZE, BagFile
+from ldcs_ros.bags.durable import sync_folder
 from ldcs_ros.bags.mcap_file import CUSTOM_DATA_RECORD
-from ldcs_ros.bags.metadata import bag_information, sync_folder, write_metadata
+from ldcs_ros.bags.metadata import bag_information, write_metadata
 from ldcs_ros.bags.schemas import Schema, Schemas
 from ldcs_ros.bags.topics import TopicInfo
 from ldcs_ros.errors import RecordingError, one_line, user_path

@@ -97,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="run on a Dask cluster: its scheduler's address, or 'local' to make one here (needs ldcs_ros[cluster])",
+        help="run on a Dask cluster: its scheduler's address, or 'local' to make one here (needs the extra [cluster])",
     )
     parser.add_argument(
         "--again",

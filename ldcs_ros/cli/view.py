@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 DESCRIPTION = """\
 Show a bag in a browser: the surface with a time slider, arms, loads, the ways of P0 and P1, and the courses of
 points, pressures, torques and angles. --live shows a running twin as it moves. The viewer (Rerun) comes with
-`pip install 'ldcs_ros[view]'` and needs no network; the page is on 127.0.0.1 alone (from elsewhere: ssh -L) and
+`make viewer` or the extra [view] and needs no network; the page is on 127.0.0.1 alone (from elsewhere: ssh -L) and
 may contact no other host. Ctrl-C ends it. --markers writes the bag again with what RViz and Foxglove draw."""
 EXAMPLE = """\
 ldcs view out/paper

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tty
 from collections import deque
 from typing import Any
 
@@ -35,6 +34,9 @@ class SerialPort:
 
     def start(self) -> None:
         """Open the pseudo-terminal."""
+        # Windows has neither this module nor pseudo-terminals.
+        import tty
+
         self._near_end, self._far_end = os.openpty()
         tty.setraw(self._far_end)
         os.set_blocking(self._near_end, False)

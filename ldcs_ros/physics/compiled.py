@@ -56,6 +56,9 @@ def private_folder(name: str, parents: Iterable[Path]) -> Path:
 
 def _is_private(folder: Path) -> bool:
     status = folder.lstat()  # a link could lead into the folder of another user
+    if not hasattr(os, "getuid"):
+        # Windows keeps others out by access lists, of which these bits say nothing.
+        return stat.S_ISDIR(status.st_mode)
     return (
         stat.S_ISDIR(status.st_mode)
         and status.st_uid == os.getuid()

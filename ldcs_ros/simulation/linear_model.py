@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, sparse
 from scipy.sparse import linalg as sparse_linalg
 
+from ldcs_ros import extras
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 from ldcs_ros.simulation.command_directions import (
@@ -69,12 +69,9 @@ class LinearModel:
         """Return a control.StateSpace with the names of states, inputs and outputs.
 
         Raises:
-            ImportError: The package `control` is not installed.
+            MissingPackageError: The package `control` is not installed.
         """
-        try:
-            control = import_module("control")
-        except ImportError as error:
-            raise ImportError("to_control needs the package 'control' (pip install control)") from error
+        control = extras.load("control", extra="control", purpose="to_control")
         names = {"states": self.state_names, "inputs": self.input_names, "outputs": self.output_names}
         # A dot separates system and signal there.
         renamed = {kind: [name.replace(".", "_") for name in given] for kind, given in names.items()}

@@ -55,15 +55,19 @@ def measure(task: Task) -> Row:
 
 
 def _peak() -> float:
-    """Return the peak memory of this process [MiB]."""
+    """Return the peak memory of this process [MiB]; NaN where the system does not say."""
     status = Path("/proc/self/status")
     if status.exists():
         # Of this program alone: the kernel's other figure begins with that of the process that started it.
         lines = status.read_text(encoding="utf-8").splitlines()
         return float(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / MIB
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MIB
+    try:
+        import resource
+    except ImportError:  # Windows
+        return float("nan")
+    # macOS counts bytes, others KiB.
+    unit = 1024.0 * MIB if sys.platform == "darwin" else MIB
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
 def peak_memory(row: Row) -> float:

@@ -13,9 +13,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Protocol, cast
 
+from ldcs_ros import extras
 from ldcs_ros.errors import ViewingError
 
-ADVICE = "install it with `pip install 'ldcs_ros[view]'` (rerun-sdk, half a gigabyte with its own web viewer)"
 _APPLICATION = "ldcs"
 
 
@@ -47,6 +47,11 @@ class Stream(Protocol):
         """End the stream."""
 
 
+def _advice() -> str:
+    command = "make viewer" if extras.in_checkout() else extras.advice("view", "rerun-sdk")
+    return f"install it with `{command}` (half a gigabyte with its own web viewer)"
+
+
 def rerun() -> ModuleType:
     """Return the module `rerun`.
 
@@ -58,7 +63,7 @@ def rerun() -> ModuleType:
     try:
         return importlib.import_module("rerun")
     except ImportError as error:
-        raise ViewingError(f"the viewer rerun-sdk cannot be loaded ({error}); {ADVICE}") from error
+        raise ViewingError(f"the viewer rerun-sdk cannot be loaded ({error}); {_advice()}") from error
 
 
 def program() -> Path:
@@ -71,10 +76,10 @@ def program() -> Path:
     try:
         folder = Path(str(importlib.import_module("rerun_cli").__file__)).parent
     except ImportError as error:
-        raise ViewingError(f"rerun-sdk has no program of its own ({error}); {ADVICE}") from error
+        raise ViewingError(f"rerun-sdk has no program of its own ({error}); {_advice()}") from error
     path = folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
     if not path.is_file():
-        raise ViewingError(f"no viewer at {path}; {ADVICE}")
+        raise ViewingError(f"no viewer at {path}; {_advice()}")
     return path
 
 

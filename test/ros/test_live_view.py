@@ -37,7 +37,7 @@ def view(start):
 
 
 def test_a_running_twin_is_listened_to_and_saved(view, tmp_path):
-    pytest.importorskip("rerun", reason="the viewer is not installed: pip install 'ldcs_ros[view]'")
+    pytest.importorskip("rerun", reason="the viewer is not installed: make viewer")
     file = tmp_path / "live.rrd"
     _, user, process = view("--save", str(file), scene="rig")
     assert json.loads(process.stdout.readline())["url"].startswith("http://127.0.0.1:")

@@ -15,7 +15,7 @@ from ldcs_ros.twin.twin import Twin
 from ldcs_ros.viewing.live_viewer import LiveViewer, is_shown
 from ldcs_ros.viewing.rerun_scene import CurveColours, ShadedMesh
 
-NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
+NEEDS_RERUN = "the viewer is not installed: make viewer"
 
 
 def entities(path):

@@ -22,7 +22,7 @@ from ldcs_ros.messages.display.colours import of_height
 from ldcs_ros.viewing import rerun_package, web_server
 from ldcs_ros.viewing.browser import find_browser
 
-NEEDS_RERUN = "the viewer is not installed: pip install 'ldcs_ros[view]'"
+NEEDS_RERUN = "the viewer is not installed: make viewer"
 
 
 @pytest.fixture
@@ -202,7 +202,10 @@ def test_without_the_viewer_it_says_what_to_install(bag, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["view", str(bag)]) == 2
     complaint = capsys.readouterr().err
-    assert "pip install 'ldcs_ros[view]'" in complaint and complaint.count("\n") == 1
+    assert "install it with `make viewer`" in complaint and complaint.count("\n") == 1
+    monkeypatch.setattr("ldcs_ros.extras.in_checkout", lambda: False)
+    assert main(["view", str(bag)]) == 2
+    assert "-m pip install 'rerun-sdk>=0.39'" in capsys.readouterr().err
 
 
 def test_without_a_browser_a_picture_is_refused(bag, viewer, monkeypatch, tmp_path, capsys):

@@ -11,6 +11,14 @@ from ldcs_ros.rig.limits import Pressures
 _MOST_WAITING = 2_000
 
 
+def missing_package(what: str, package: str) -> str:
+    """Return the error of a transport whose package is not installed."""
+    # Loaded here alone: the output process starts with as little as it can.
+    from ldcs_ros import extras
+
+    return f"{what} needs the package {package}, which is not installed; run `{extras.advice('rig', package)}`"
+
+
 @dataclass(frozen=True)
 class DeviceReading:
     """A pressure as the device reported it.

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Limits, Pressures
-from ldcs_ros.rig.output.device import Device
+from ldcs_ros.rig.output.device import Device, missing_package
 from ldcs_ros.rig.units import PressureUnit
 
 _HIGHEST_REGISTER = 0x7FFF  # above it some islands read a negative number
@@ -80,7 +80,10 @@ class ModbusDevice(Device):
         ]
 
     def open(self) -> None:
-        from pymodbus.client import ModbusTcpClient
+        try:
+            from pymodbus.client import ModbusTcpClient
+        except ImportError as error:
+            raise LinkError(missing_package("Modbus TCP", "pymodbus")) from error
 
         # Its own log would repeat every failed attempt; the diagnostics say it once per second.
         logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)

@@ -22,7 +22,12 @@ from ldcs_ros.rig.units import PressureUnit
 
 UNCONFIRMED = 3
 """Exit status when the rig confirmed no zero."""
-IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGPIPE)
+# Windows has the first one alone.
+IGNORED = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGPIPE")
+    if hasattr(signal, name)
+)
 _LONGEST_WAIT = 0.05
 
 Settings = dict[str, Any]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ldcs_ros.errors import LinkError
 from ldcs_ros.rig.limits import Pressures
 from ldcs_ros.rig.output import line_protocol
-from ldcs_ros.rig.output.device import Device
+from ldcs_ros.rig.output.device import Device, missing_package
 from ldcs_ros.rig.units import PressureUnit
 
 if TYPE_CHECKING:
@@ -48,7 +48,10 @@ class SerialDevice(Device):
         self._unanswered: dict[int, float] = {}
 
     def open(self) -> None:
-        import serial
+        try:
+            import serial
+        except ImportError as error:
+            raise LinkError(missing_package("a serial line", "pyserial")) from error
 
         try:
             self._port = serial.Serial(

@@ -8,11 +8,12 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import TYPE_CHECKING, Protocol, cast
 
-from ldcs_ros.errors import LdcsError
+from ldcs_ros import extras
+from ldcs_ros.errors import LdcsError, one_line
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -20,9 +21,15 @@ if TYPE_CHECKING:
     from ldcs_ros.ros.common.log import Logger
     from ldcs_ros.ros.common.parameters import NodeParameter
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
+def _present(*names: str) -> tuple[signal.Signals, ...]:
+    # Windows has few of them.
+    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
+
+
+STOP_SIGNALS = _present("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 """Ctrl-C, an orderly end, a closed terminal, Ctrl-\\: each ends the node in order."""
-IGNORED_SIGNALS = (signal.SIGUSR1, signal.SIGUSR2)
+IGNORED_SIGNALS = _present("SIGUSR1", "SIGUSR2")
 """By default they would kill the process, and with it the order of its end."""
 
 
@@ -141,6 +148,19 @@ def help_text(name: str, parameters: Mapping[str, NodeParameter]) -> str:
     return "\n".join(lines)
 
 
+class _RosMissing(Exception):
+    """A package of ROS, or one that a node needs, cannot be imported."""
+
+
+@contextlib.contextmanager
+def _imports_of_ros() -> Iterator[None]:
+    try:
+        yield
+    except ImportError as error:
+        # An import that fails in C says so in several lines.
+        raise _RosMissing(one_line(error)) from error
+
+
 def run(
     name: str,
     load: Callable[[], Callable[[], RunnableNode]],
@@ -163,12 +183,19 @@ def run(
     words = own_words(sys.argv[1:] if arguments is None else arguments)
     try:
         if "--help" in words or "-h" in words:
-            print(help_text(name, parameters()))
+            with _imports_of_ros():
+                known = parameters()
+            print(help_text(name, known))
             return 0
         if unknown := unknown_word(words):
             print(f"{name}: {unknown}", file=sys.stderr)
             return 2
         return _run(name, load, arguments, signals)
+    except _RosMissing as error:
+        command = "make setup" if extras.in_checkout() else extras.advice("ros", "ros-rclpy")
+        advice = f"source a ROS 2 distribution that has the packages of package.xml, or run `{command}`"
+        print(f"{name}: {error}; {advice}", file=sys.stderr)
+        return 2
     finally:
         signals.ignore()
 
@@ -179,16 +206,12 @@ def _run(
     arguments: list[str] | None,
     signals: StopSignals,
 ) -> int:
-    try:
+    with _imports_of_ros():
         import rclpy
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
         make = load()
-    except ImportError as error:
-        advice = "run `make setup`, or source a ROS 2 distribution that has the packages of package.xml"
-        print(f"{name}: {error}; {advice}", file=sys.stderr)
-        return 2
     signals.loading = False
     node = None
     try:
