@@ -99,6 +99,10 @@ site: setup  ## build the site of the docs into out/site, check its links, and i
 wheel:  ## build the wheel into out/dist, install it by pip into an environment of its own and run it: EXTRAS=data,ros
 	@PYTHON='$(PYTHON)' EXTRAS='$(EXTRAS)' tools/wheel.sh
 
+notebooks: setup  ## run the notebooks in docs/notebooks and keep their outputs (two minutes)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/notebooks.lock
+	@source tools/environment.sh && $(BIN)/python tools/run_notebooks.py
+
 lock: setup  ## write the lock files anew with the newest versions (needs uv)
 	@tools/lock.sh
 
@@ -127,4 +131,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site notebooks wheel lock clean

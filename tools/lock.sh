@@ -26,3 +26,4 @@ compile requirements/colcon.in requirements/colcon.lock --constraint requirement
 compile requirements/coverage.in requirements/coverage.lock --constraint requirements/core.lock
 compile requirements/mutants.in requirements/mutants.lock --constraint requirements/core.lock
 compile requirements/site.in requirements/site.lock --constraint requirements/core.lock
+compile requirements/notebooks.in requirements/notebooks.lock --constraint requirements/core.lock

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import base64
+import json
 import shutil
 import subprocess
 import sys
@@ -89,6 +91,10 @@ def stage(folder: Path) -> None:
     replay.write_text(
         replay.read_text(encoding="utf-8").replace("../bags/README.md", "reference_bags.md"), encoding="utf-8"
     )
+    for path in sorted((ROOT / "docs/notebooks").glob("*.ipynb")):
+        (docs / "notebooks" / f"{path.stem}.md").write_text(
+            notebook_page(path, docs / "images"), encoding="utf-8"
+        )
     (docs / "gallery.md").write_text(gallery(docs / "images"), encoding="utf-8")
     (docs / "python.md").write_text(python_page(), encoding="utf-8")
 
@@ -114,6 +120,26 @@ def draw(scene: Scene, target: Path) -> None:
     state = simulation.state
     sheet = state.position.reshape(2, *scene.lattice.nodes, 3)
     save_figure(surface_figure([sheet], [state.time], annotations_of_scene(scene, title=scene.title)), target)
+
+
+def notebook_page(path: Path, pictures: Path) -> str:
+    """Return a notebook as a page: text, code and what the code printed; its pictures go into `pictures`."""
+    page = []
+    for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
+        source = "".join(cell["source"])
+        page.append(source if cell["cell_type"] == "markdown" else f"```python\n{source}\n```")
+        for output in cell.get("outputs", ()):
+            data = output.get("data", {})
+            if "image/png" in data:
+                picture = pictures / f"notebook_{path.stem}_{number}.png"
+                picture.write_bytes(base64.b64decode("".join(data["image/png"])))
+                page.append(f"![Output of the cell above](../images/{picture.name})")
+            else:
+                text = "".join(output.get("text") or data.get("text/plain", ""))
+                page.append(f"```text\n{text.rstrip()}\n```")
+    return (
+        "\n\n".join(page) + f"\n\n[The notebook](../../docs/notebooks/{path.name}) itself runs in Jupyter.\n"
+    )
 
 
 def python_page() -> str:

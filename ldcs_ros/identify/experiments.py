@@ -13,7 +13,7 @@ import numpy as np
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.messages.topics import TOPICS
-from ldcs_ros.replay.external_bag import mapped_commands
+from ldcs_ros.replay.external_bag import begun_scene, mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
 from ldcs_ros.replay.span import check_span
 from ldcs_ros.scene import Scene
@@ -98,9 +98,10 @@ def read_experiment(
         settled, shift = recorded.settings.settled, recording.start * 1e-9
     else:
         scene = scene.without_schedule()
-        commands, odd = _converted(recording, meaning, scene, name)
+        commands, begun, odd = _converted(recording, meaning, scene, name)
         warnings += odd
-        schedule, settled, shift = (), meaning.initial == "rest", 0.0
+        schedule = tuple(begun.content.get("inputs", ()))
+        settled, shift = meaning.initial != "start", 0.0
     signals = read_signals(recording, name=name, mapping=meaning, measured=True)
     warnings += signals.warnings
     points = tuple(point for point in scene.points if point in signals.series)
@@ -148,7 +149,7 @@ def _commanded(simulation: Simulation) -> list[object]:
 
 def _converted(
     recording: Recording, mapping: Mapping, scene: Scene, name: str
-) -> tuple[tuple[Command, ...], list[str]]:
+) -> tuple[tuple[Command, ...], Scene, list[str]]:
     # A rig's messages are converted to the twin's own once, here: the result depends on earlier commands only.
     simulation = scene.build()
     receiver = Commands(simulation)
@@ -168,7 +169,8 @@ def _converted(
         raise SceneError(
             f"{name}: no command of the bag fits the scene: {receiver.last_refusal or 'none is mapped'}"
         )
-    return tuple(commands), [f"{i.topic}: {', '.join(i.warnings())}" for i in reports if i.warnings()]
+    begun = begun_scene(scene, mapping, mapped)
+    return tuple(commands), begun, [f"{i.topic}: {', '.join(i.warnings())}" for i in reports if i.warnings()]
 
 
 def _noise(given: float | None, scene: Scene | None, tracks: list[Series]) -> tuple[float, str]:

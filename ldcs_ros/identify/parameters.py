@@ -12,6 +12,8 @@ import numpy as np
 from ldcs_ros.errors import SceneError
 from ldcs_ros.identify.experiments import IdentificationError
 from ldcs_ros.scene import load_scene
+from ldcs_ros.scene.complete import complete_text
+from ldcs_ros.scene.load import parse_scene
 from ldcs_ros.schema.paths import get_value, with_values
 
 SPAN = 4.0  # a parameter without bounds is searched between a quarter and four times its value
@@ -70,6 +72,10 @@ def parse_parameter(text: str, content: dict[str, Any]) -> FitParameter:
             f"--fit {text}: the bags hold the commands; fit their effect, such as effects.arms.pressure_gain"
         )
     start = get_value(content, path.strip())
+    if start is None:  # the default of an effect is a number to start from, too
+        scene = load_scene(content)
+        complete = parse_scene(complete_text(scene), name=scene.name, origin=scene.name)
+        start = get_value(complete.content, path.strip())
     if isinstance(start, bool) or not isinstance(start, (int, float)):
         said = "is not given in the scene" if start is None else f"is {start!r}"
         raise IdentificationError(

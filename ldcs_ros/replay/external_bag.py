@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.messages import messages
 from ldcs_ros.physics.inputs import Wrench
+from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals import CommandSource, Mapping, MappingError, fields
 from ldcs_ros.signals.channels import ChannelReport, read_channel
 from ldcs_ros.simulation.simulation import Simulation
+from ldcs_ros.twin.commands import Commands, Refusal
 
 # A vented rig that commands absolute pressure is off by the weather and its gauge's zero [Pa].
 NEAR_ZERO = 3.0e3
@@ -157,6 +161,33 @@ def check_arms(mapping: Mapping, known: tuple[str, ...]) -> None:
             raise MappingError(
                 f"got {list(source.arms)}, expected arms of the scene {list(known)} @ commands[{index}].arms"
             )
+
+
+def begun_scene(scene: Scene, mapping: Mapping, commands: Sequence[MappedCommand]) -> Scene:
+    """Return the scene at whose rest state, or start, a recording begins: its schedule holds what acts before.
+
+    Args:
+        scene: The scene; its own schedule is left out.
+        mapping: Its `initial` says how the recording begins.
+        commands: The commands by time.
+    """
+    begun = scene.without_schedule()
+    if mapping.initial != "held" or not commands:
+        return begun
+    simulation = begun.build()
+    receiver = Commands(simulation)
+    for timed in commands:
+        if timed.time > commands[0].time:
+            break
+        # Counted again when it acts.
+        command = replace(timed, report=ChannelReport(timed.source.topic)).command(simulation)
+        if command is not None:
+            with contextlib.suppress(Refusal):
+                receiver.receive(*command)
+    inputs = simulation.inputs
+    asked = {"pressure": inputs.pressure, "torque": inputs.torque}
+    held = {kind: value.tolist() for kind, value in asked.items() if value is not None and value.any()}
+    return begun.edited(inputs=[{"time": 0.0, **held}]) if held else begun
 
 
 def mapped_commands(

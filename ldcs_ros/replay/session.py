@@ -11,7 +11,7 @@ from pathlib import Path
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.replay.drive import Outcome, TimedCommand, drive
-from ldcs_ros.replay.external_bag import check_arms, mapped_commands
+from ldcs_ros.replay.external_bag import begun_scene, check_arms, mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
 from ldcs_ros.replay.span import check_span
 from ldcs_ros.replay.verdict import Verdict, compare_runs
@@ -170,9 +170,9 @@ def _replay_foreign(
         seed=changes.seed,
         accuracy=changes.accuracy,
         ambient_pressure=mapping.ambient_pressure,
-        settled=mapping.initial == "rest",
+        settled=mapping.initial != "start",
     )
-    twin = Twin(scene.without_schedule(), settings)
+    twin = Twin(begun_scene(scene, mapping, commands), settings)
     check_arms(mapping, twin.simulation.arm_names)
     start = round(twin.time * 1e9)
     # A scene may come to rest only later: the bag begins at that time.

@@ -2,7 +2,8 @@
 
 time: log                      # a message acts when it was recorded; `stamp`: when its header says;
                                # without it commands act when they were recorded, measurements hold at their stamp
-initial: rest                  # a replay begins at rest without commands; `start`: at the scene's start
+initial: rest                  # a replay begins at rest without commands; `held`: at rest under the first commands;
+                               # `start`: at the scene's start. A table, whose columns hold commands, begins `held`
 late: 0.1                      # s; later than that after its stamp, a message counts as late
 gap: 0.5                       # s; a longer silence counts as missing messages
 ambient_pressure: 101325       # Pa
@@ -147,7 +148,8 @@ class Mapping:
         measurements: Topics that report.
         time: Time at which a message acts: 'log' (its recording) or 'stamp' (its header); None: commands by log,
             measurements by stamp.
-        initial: Begin of a replay: 'rest' (the equilibrium without commands) or 'start' (the scene's start).
+        initial: Begin of a replay: 'rest' (the equilibrium without commands), 'held' (the equilibrium under the
+            commands of the first instant), or 'start' (the scene's start).
         late: Delay from stamp to recording above which a message counts as late [s].
         gap: Silence above which messages count as missing [s]; None for five of the topic's usual periods.
         ambient_pressure: Pressure of the surrounding air [Pa].
@@ -206,7 +208,9 @@ def parse_mapping(content: object) -> Mapping:
         commands=commands,
         measurements=measurements,
         time=_CHECKS.choice(time, ("log", "stamp"), "time") if "time" in block and not time_column else None,
-        initial=_CHECKS.choice(block.get("initial", "rest"), ("rest", "start"), "initial"),
+        initial=_CHECKS.choice(
+            block.get("initial", "held" if time_column else "rest"), ("rest", "held", "start"), "initial"
+        ),
         late=_CHECKS.number(block.get("late", 0.1), "late", low=0.0),
         gap=None if gap is None else _CHECKS.number(gap, "gap", low=1e-9),
         ambient_pressure=ambient,

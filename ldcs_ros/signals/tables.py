@@ -95,7 +95,9 @@ def guess_columns(table: TableFile) -> Mapping:
             f"{table.name} has the columns {list(table.names[:30])}; say what they mean, for example "
             "--columns time=t:ms pressure_command=p1,p2:kPa P1=x,y,z:mm, or with a mapping file (--map)"
         )
-    return parse_mapping({"time": time, "commands": commands, "measurements": measurements})
+    # An exported table has the commands at their times; what acted before the first one is not in it.
+    content = {"time": time, "initial": "rest", "commands": commands, "measurements": measurements}
+    return parse_mapping(content)
 
 
 def columns_mapping(words: list[str]) -> Mapping:

@@ -44,12 +44,17 @@ def test_shares_and_values_are_inverse_and_slopes_are_their_slopes(low, high):
         assert parameter.slope(fraction) == pytest.approx(slope, rel=1e-6)
 
 
+def test_the_default_of_an_effect_is_a_number_to_start_from(content):
+    parameter = parse_parameter("effects.arms.joint_damping", content)
+    assert (parameter.start, parameter.low, parameter.high) == (0.02, 0.005, 0.08)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("effects.spings.stiffness", "no entry of the type or name 'spings'"),
         ("effects.springs.law", "expected a number"),
-        ("effects.arms.fill_time", "not given in the scene"),
+        ("lattice.mas", "not given in the scene"),
         ("effects.springs.stiffness=90..100", "not in 90"),
         ("effects.springs.stiffness=100..90", "low first"),
         ("effects.springs.stiffness=a..b", "cannot read the bounds"),

@@ -28,6 +28,10 @@ _PROBES = {
 }
 
 
+_NEWEST_SERVICE = "Reach"
+"""What an ldcs_msgs built from an earlier checkout lacks."""
+
+
 @cache
 def import_problem(package: str) -> str:
     """Return why a package cannot be used, in words; '' when it can."""
@@ -38,6 +42,8 @@ def import_problem(package: str) -> str:
     try:
         if package in _PROBES:
             check_for_type_support(message_type(_PROBES[package]))
+        if package == "ldcs_msgs" and not hasattr(import_module("ldcs_msgs.srv"), _NEWEST_SERVICE):
+            return f"older than this package, it has no srv/{_NEWEST_SERVICE}"
     except Exception as error:  # built for another Python or another ROS: it fails in many ways
         return f"cannot be loaded: {' '.join(str(error).split()) or repr(error)}"
     return ""
