@@ -131,4 +131,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site notebooks wheel lock clean
+.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
