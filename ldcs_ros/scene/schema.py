@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 
 TOP_KEYS = ("title", "lattice", "material", "points", "effects", "inputs", "sensors", "solver")
 MOST_NODES = 1000  # along one side
-MOST_MEMORY = 16e9
-"""Memory that the nodes of a scene may take [B]."""
+MOST_MEMORY = min(16e9, float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")))
+"""Memory that the nodes of a scene may take [B]: that of the machine, or less."""
 USUAL_SIDES = (1e-3, 10.0)
 """Sides of a sheet that are plausible in metres [m]; others are probably in millimetres."""
 HOLE_SHAPES = ("box", "circle", "polygon")

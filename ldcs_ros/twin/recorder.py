@@ -62,7 +62,7 @@ class Recorder:
     @property
     def count(self) -> int:
         """Messages recorded in the present bag."""
-        return self._writer.count
+        return self._writer.count - self._writer.lost
 
     def __call__(self, topic: str, message_type: str, cdr: bytes, time_ns: int) -> None:
         """Record one message, if its topic is one that is recorded."""
