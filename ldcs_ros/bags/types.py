@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
@@ -80,12 +81,18 @@ class BagTypes:
             types.update(get_types_from_msg(definition.text, typename))
         elif definition.text.startswith(f"{_SEPARATOR}IDL: "):
             for section in definition.text.split(_SEPARATOR)[1:]:
-                types.update(get_types_from_idl(section.partition("\n")[2]))
+                types.update(_types_from_idl(section.partition("\n")[2]))
         else:
-            types.update(get_types_from_idl(definition.text))
+            for section in definition.text.split(_SEPARATOR):
+                types.update(_types_from_idl(re.sub(r"\AIDL: .*\n", "", section)))
         if typename not in types:
             raise ValueError(f"it defines {sorted(types)[:5]} instead")
         return types
+
+
+def _types_from_idl(text: str) -> Typesdict:
+    # The parser knows no preprocessor; the included types are sections of their own, or known.
+    return get_types_from_idl(re.sub(r"(?m)^[ \t]*#.*$", "", text))
 
 
 def _inner(field: FieldDesc) -> tuple[BaseDesc | NameDesc, int]:

@@ -239,6 +239,42 @@ def test_a_known_type_without_a_definition_is_that_of_ros(tmp_path, encoding):
     assert values(read_bag(file)) == [1000, 2000] * 3
 
 
+MODULE = """\
+// generated
+#include "std_msgs/msg/Header.idl"
+  # include <something.idl>
+
+module sensor_msgs {
+  module msg {
+    @verbatim (language="comment", text=
+      "A pressure." "\\n"
+      "# no directive")
+    struct FluidPressure {
+      std_msgs::msg::Header header;
+
+      @verbatim (language="comment", text=
+        "[Pa]")
+      double fluid_pressure;
+      double variance;
+    };
+  };
+};
+"""
+HEADER = MODULE[: MODULE.index("  # include")].replace(
+    "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
+) + (
+    "module std_msgs { module msg { struct Header {\n"
+    "  builtin_interfaces::msg::Time stamp;\n  string frame_id;\n}; }; };\n"
+)
+
+
+@pytest.mark.parametrize("first", ["", f"{'=' * 80}\nIDL: sensor_msgs/msg/FluidPressure\n"])
+@pytest.mark.parametrize("nested", ["", f"{'=' * 80}\nIDL: std_msgs/msg/Header\n{HEADER}"])
+def test_definitions_in_idl_are_read_with_their_directives(tmp_path, first, nested):
+    file = write_mcap(tmp_path / "rig.mcap", definition=("ros2idl", (first + MODULE + nested).encode()))
+    assert values(read_bag(file)) == [1000, 2000] * 3
+
+
 def test_big_endian_messages_are_read_and_other_encapsulations_are_named(tmp_path):
     big = b"\0\0\0\0" + struct.pack(">iII4xdd", WALL // 10**9, 0, 1, 101425.0, 0.0)
     assert values(read_bag(write_mcap(tmp_path / "big.mcap", contents=[big] * 6))) == [100] * 6
