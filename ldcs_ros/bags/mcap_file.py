@@ -39,6 +39,7 @@ CHUNK_HEAD = struct.Struct("<QQQII")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel, sequence number, log time, publish time."""
 LENGTH = struct.Struct("<Q")
+CHECKSUM = struct.Struct("<I")
 FOOTER = struct.Struct("<BQQQI8s")
 """Opcode, length, start of the summary, start of its offsets, checksum, closing mark."""
 SUMMED_FOOTER = 1 + 8 + 8 + 8
@@ -227,6 +228,7 @@ class McapFile:
                 self._refuse("its data has no end")
             opcode, length = HEAD.unpack(head)
             if opcode == Opcode.DATA_END:
+                self._check_data(stream, position, stream.read(CHECKSUM.size))
                 return found, position + HEAD.size + length
             if not is_opcode(opcode) or opcode == Opcode.FOOTER:
                 self._refuse(f"there is no record at byte {position}")
@@ -237,6 +239,21 @@ class McapFile:
             except UNREADABLE as error:
                 self._refuse(f"the record at byte {position} is unreadable: {one_line(error)}")
             position += HEAD.size + length
+
+    def _check_data(self, stream: IO[bytes], end: int, stored: bytes) -> None:
+        """Compare the data up to their end with their checksum, if there is one and no chunk has its own."""
+        if all(block.is_chunk for block in self._blocks) or stored in (b"", bytes(CHECKSUM.size)):
+            return
+        stream.seek(0)
+        checksum, left = 0, end
+        while left:
+            piece = stream.read(min(left, LARGEST_METADATA))
+            checksum, left = zlib.crc32(piece, checksum), left - len(piece)
+        if stored != CHECKSUM.pack(checksum):
+            raise RecordingError(
+                f"{self._path} is damaged: the checksum of its data is wrong; "
+                "`ldcs recover` keeps every message, the damaged one too"
+            )
 
     def _note(self, stream: IO[bytes], opcode: int, position: int, length: int, found: _Found) -> None:
         if opcode == Opcode.CHUNK:

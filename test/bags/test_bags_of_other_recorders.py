@@ -185,6 +185,15 @@ def test_a_chunk_that_claims_more_than_bounds_allow_is_refused_before_it_is_open
     assert f"the chunk at byte {chunk(file)} claims 10737418240 bytes" in one_line(read_bag, file)
 
 
+def test_one_wrong_bit_outside_of_chunks_is_noticed_by_the_checksum_of_the_data(tmp_path):
+    file = write_mcap(tmp_path / "rig.mcap", use_chunking=False, enable_data_crcs=True)
+    assert values(read_bag(file)) == [1000, 2000] * 3
+    place = file.read_bytes().index(struct.pack("<d", 102325.0)) + 5
+    change(file, place, "<B", file.read_bytes()[place] ^ 1)
+    assert "the checksum of its data is wrong" in one_line(read_bag, file)
+    assert recover(file).messages == read_bag(file).count == 6
+
+
 def test_a_chunk_of_another_compression_is_named(tmp_path):
     file = write_mcap(tmp_path / "rig.mcap", enable_crcs=False)
     file.write_bytes(file.read_bytes().replace(b"zstd", b"zxtd"))
