@@ -13,7 +13,7 @@ from pathlib import Path
 
 import zstandard
 
-from ldcs_ros.bags import mcap_file, sqlite3_file
+from ldcs_ros.bags import mcap_records, sqlite3_file
 from ldcs_ros.bags.limits import LARGEST_CHUNK, check_regular, unpack
 from ldcs_ros.bags.mcap_file import McapFile
 from ldcs_ros.bags.metadata import FILE_NAME, BagMetadata, read_metadata
@@ -180,7 +180,7 @@ def _open(file: Path, bag: Path) -> StorageFile:
     """Open a file by what it is, not by its name."""
     check_regular(file)
     with open(file, "rb") as stream:
-        opening = stream.read(max(len(sqlite3_file.MAGIC), len(mcap_file.MAGIC)))
+        opening = stream.read(max(len(sqlite3_file.MAGIC), len(mcap_records.MAGIC)))
     if file.name.endswith(PACKED_SUFFIX):
         return _PackedFile(file)
     if opening == sqlite3_file.MAGIC:

@@ -14,7 +14,7 @@ from typing import IO, Any
 from ldcs_ros.bags.contents import Contents, read_contents, write_copy
 from ldcs_ros.bags.durable import lock, sync_folder
 from ldcs_ros.bags.limits import check_regular
-from ldcs_ros.bags.mcap_file import MAGIC
+from ldcs_ros.bags.mcap_records import MAGIC
 from ldcs_ros.bags.metadata import (
     FILE_NAME,
     BagMetadata,

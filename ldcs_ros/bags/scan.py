@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, Header, McapRecord, Message, Metadata, Schema
 
 from ldcs_ros.bags.limits import LARGEST_CHUNK, unpack
-from ldcs_ros.bags.mcap_file import (
+from ldcs_ros.bags.mcap_records import (
     CHUNK_HEAD,
     HEAD,
     LENGTH,

@@ -103,7 +103,7 @@ def test_what_is_no_bag_is_said_in_one_line(tmp_path):
         ("folder", "it has no metadata.yaml and no .mcap or .db3 file"),
         ("text.txt", "expected a bag folder"),
         ("fake.mcap", "does not begin like one"),
-        ("empty.mcap", "cut off before its end; run `ldcs recover"),
+        ("empty.mcap", "is empty"),
         ("fake.db3", "damaged or no ROS 2 bag"),
         ("bad", "damaged or no ROS 2 bag"),
     ):
