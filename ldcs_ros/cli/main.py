@@ -40,6 +40,7 @@ VERBS: dict[str, Verb] = {
     "reach": Verb("ldcs_ros.cli.reach", "find the commands under which points rest at their targets"),
     "sensitivity": Verb("ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"),
     "sweep": Verb("ldcs_ros.cli.sweep", "evaluate a scene at many values: table, picture, Sobol indices"),
+    "gym": Verb("ldcs_ros.cli.gym", "measure the environments for reinforcement learning with a baseline"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),
     "study": Verb("ldcs_ros.cli.study", "measure what accuracy costs in time: diagram, report"),
     "recover": Verb(

@@ -40,6 +40,7 @@ ORDER = (
     "validate",
     "study",
     "sweep",
+    "learning",
     "ros",
     "cli",
     "__main__",
