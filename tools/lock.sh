@@ -25,5 +25,6 @@ compile requirements/view.in requirements/view.lock --constraint requirements/co
 compile requirements/colcon.in requirements/colcon.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/coverage.in requirements/coverage.lock --constraint requirements/core.lock
 compile requirements/mutants.in requirements/mutants.lock --constraint requirements/core.lock
+compile requirements/finite_elements.in requirements/finite_elements.lock --no-deps --constraint requirements/core.lock
 compile requirements/site.in requirements/site.lock --constraint requirements/core.lock
 compile requirements/notebooks.in requirements/notebooks.lock --constraint requirements/core.lock

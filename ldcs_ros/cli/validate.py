@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mechanics",
         action="store_true",
-        help="compare the material with classical strips and plates on three meshes, and print nothing else",
+        help="compare the material with classical strips and plates and with finite elements, and print nothing else",
     )
     parser.add_argument(
         "--markdown", action="store_true", help="print the tables of the README and nothing else"
@@ -141,21 +142,33 @@ def _held_out(content: dict[str, Any], *, quiet: bool) -> dict[str, float]:
 
 def _mechanics(arguments: argparse.Namespace) -> int:
     from ldcs_ros.validate import tables
-    from ldcs_ros.validate.mechanics import MESHES, benchmarks
+    from ldcs_ros.validate.benchmark import LIMITS
+    from ldcs_ros.validate.mechanics import benchmarks
+    from ldcs_ros.validate.small_displacements import small_displacements
 
-    rows, records = [["quantity", "reference", *(f"error at {n} nodes" for n in MESHES), "order"]], []
-    for one in benchmarks():
-        errors = [f"{100.0 * error:+.2f} %" for error in one.errors.values()]
-        rows.append([one.name, f"{one.reference:.5g}", *errors, f"{one.order:.1f}" if one.order == one.order else "-"])
-        records.append(
-            {"name": one.name, "reference": one.reference, "values": one.values, "limit": one.limit}
-        )
+    found = []
+    with Progress(1.0, label="mechanics", unit="", quiet=arguments.json) as bar:
+        for one in chain(benchmarks(), small_displacements()):
+            found.append(one)
+            bar.show(min(len(found) / 26.0, 1.0))
+    files = []
+    if arguments.output is not None:
+        from ldcs_ros.validate import pictures
+        from ldcs_ros.validate.mechanics_picture import mechanics_figure
+
+        files = pictures.write({"mechanics": mechanics_figure(found)}, arguments.output, arguments.format)
     if arguments.json:
-        print_json({"mechanics": records})
+        records = [
+            {"name": one.name, "reference": one.reference, "values": one.values, "limit": one.limit}
+            for one in found
+        ]
+        print_json({"mechanics": records, "limits": LIMITS, "files": [str(path) for path in files]})
         return 0
-    print(tables.as_markdown(rows))
-    for limit in dict.fromkeys(record["limit"] for record in records if record["limit"]):
-        print(f"\nKnown difference of strips: {limit}.")
+    print(tables.as_markdown(tables.mechanics(found)))
+    for name, words in LIMITS.items():
+        print(f"\n{name}: {words}.")
+    for path in files:
+        print(path)
     return 0
 
 
@@ -239,7 +252,9 @@ def _print(blocks: Sequence[Block], result: dict[str, Any], motion: Transient, m
         print(f"{title}\n{tables.as_text(rows)}\n")
     held_out = ", ".join(f"{name} {tables.signed(e, 2)}" for name, e in result["held_out_error_mm"].items())
     print(f"held out: errors when a fit to the other four numbers predicts a number [mm]: {held_out}")
-    print(f"structures compared before the fit: {result['structures_compared']} (--calibrate fits them again)")
+    print(
+        f"structures compared before the fit: {result['structures_compared']} (--calibrate fits them again)"
+    )
     print(f"radius: {result['radius_origin']}; {method}")
     constant = result["course"]["time_constant_c_over_k_s"]
     print(

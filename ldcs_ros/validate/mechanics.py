@@ -6,61 +6,34 @@ The references are closed formulas or a boundary value problem of SciPy; they sh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ldcs_ros.scene.load import load_scene
 from ldcs_ros.simulation.simulation import Simulation
+from ldcs_ros.validate import finite_elements as fe
+from ldcs_ros.validate.benchmark import Benchmark
+from ldcs_ros.validate.linear_sheets import Content, sheet_content
+from ldcs_ros.validate.problems import DENSITY, LENGTH, POISSON, SIDE, THICKNESS, WIDTH, YOUNGS_MODULUS
 
-YOUNGS_MODULUS, POISSON, DENSITY = 150e3, 1.0 / 3.0, 1070.0
-THICKNESS = 0.006
-LENGTH, WIDTH = 0.200, 0.050  # of the strip [m]
-SIDE = 0.140  # of the plate [m]
 ELASTICA_LOADS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Tip loads of the cantilever, as F L^2 / (E I)."""
 MESHES = (9, 17, 33)
 """Nodes along a side."""
 INERTIA = WIDTH * THICKNESS**3 / 12.0
+SHEAR_MODULUS = YOUNGS_MODULUS / (2.0 * (1.0 + POISSON))
+# Saint-Venant's torsion constant of a thin rectangle.
+TORSION = WIDTH * THICKNESS**3 / 3.0 * (1.0 - 0.63 * THICKNESS / WIDTH)
 PLATE_STIFFNESS = YOUNGS_MODULUS * THICKNESS**3 / (12.0 * (1.0 - POISSON**2))
 # First root of 1 + cos x cosh x = 0 (clamped and free beam).
-FIRST_ROOT = 1.8751040687119611
+FIRST_ROOT, SECOND_ROOT = 1.8751040687119611, 4.694091132974174
 # Centre deflection of a clamped square plate under a point load, w D / (F a^2) (Timoshenko and Woinowsky-Krieger,
 # Theory of Plates and Shells, table 37).
 CLAMPED_PLATE = 0.00560
-
-
-Content = Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class Benchmark:
-    """A quantity of the lattice on several meshes, beside its reference.
-
-    Attributes:
-        name: What is compared.
-        reference: Reference value, SI.
-        values: Values of the lattice, SI, by number of nodes along the side.
-        limit: Known difference of the models, in words; '' where they should agree.
-    """
-
-    name: str
-    reference: float
-    values: dict[int, float]
-    limit: str
-
-    @property
-    def errors(self) -> dict[int, float]:
-        """Relative errors by number of nodes."""
-        return {nodes: value / self.reference - 1.0 for nodes, value in self.values.items()}
-
-    @property
-    def order(self) -> float:
-        """Order of convergence towards the lattice's own limit, from the last three meshes; NaN without one."""
-        *_, a, b, c = self.values.values()
-        ratio = (a - b) / (b - c) if b != c else math.nan
-        return math.log2(ratio) if ratio > 0.0 else math.nan
+# Load at the tip of a deep cantilever at which it leaves its plane, P L^2 / sqrt(E I G J) (Timoshenko, Theory
+# of Elastic Stability, section 6.3).
+LATERAL = 4.013
 
 
 def benchmarks(meshes: tuple[int, ...] = MESHES) -> Iterator[Benchmark]:
@@ -69,16 +42,13 @@ def benchmarks(meshes: tuple[int, ...] = MESHES) -> Iterator[Benchmark]:
     Args:
         meshes: Nodes along the side, rising; at least three.
     """
-    clamp = (
-        "the clamp holds back the lateral contraction, which a beam's theory leaves free, "
-        "and central springs are 1.3 times too stiff in plane shear at this Poisson's ratio"
-    )
+    clamp = "beam"
     for load in ELASTICA_LOADS:
         force = load * YOUNGS_MODULUS * INERTIA / LENGTH**2
         tip = {"type": "force", "at": {"x": LENGTH, "y": 0.0}, "value": [0.0, 0.0, force]}
         height = elastica(load)[1] * LENGTH
         yield _measured(
-            f"cantilever, tip load {load:g} E I / L^2: height of the tip",
+            f"cantilever, tip load {load:g} E I / L^2: height of the tip [m]",
             height,
             clamp,
             meshes,
@@ -89,26 +59,69 @@ def benchmarks(meshes: tuple[int, ...] = MESHES) -> Iterator[Benchmark]:
     sag = -weight * LENGTH**4 / (8.0 * YOUNGS_MODULUS * INERTIA)
     light = {"type": "gravity", "acceleration": [0.0, 0.0, -0.05]}
     yield _measured(
-        "cantilever under its weight (g / 200): sag of the tip", sag, clamp, meshes, _strip(light), _height
+        "cantilever under its weight (g / 200): sag of the tip [m]",
+        sag,
+        clamp,
+        meshes,
+        _strip(light),
+        _height,
     )
     stretch = DENSITY * 1.0 * LENGTH**2 / (2.0 * YOUNGS_MODULUS)
     along = {"type": "gravity", "acceleration": [1.0, 0.0, 0.0]}
     yield _measured(
-        "strip hanging by its end (g / 10): extension",
+        "strip hanging by its end (g / 10): extension [m]",
         stretch,
         clamp,
         meshes,
         _strip(along),
         lambda simulation: simulation.pose("P1")[0][0] - LENGTH,
     )
-    bar = math.sqrt(YOUNGS_MODULUS * INERTIA / (DENSITY * WIDTH * THICKNESS * LENGTH**4))
-    frequency = FIRST_ROOT**2 / (2.0 * math.pi) * bar
-    yield _measured("cantilever: lowest natural frequency", frequency, clamp, meshes, _strip(), _frequency)
     load = 1e-3
     deflection = CLAMPED_PLATE * load * SIDE**2 / PLATE_STIFFNESS
     yield _measured(
-        "clamped square plate, point load: deflection", deflection, "", meshes, _plate(load), _height
+        "clamped square plate, point load: deflection [m]", deflection, "", meshes, _plate(load), _height
     )
+    yield from _frequencies(meshes)
+    beam = LATERAL * math.sqrt(YOUNGS_MODULUS * INERTIA * SHEAR_MODULUS * TORSION) / LENGTH**2
+    values = {nodes: _lateral_buckling(nodes, beam) for nodes in meshes}
+    yield Benchmark("deep cantilever, tip load: lateral buckling [N]", beam, values, "beam, torsion")
+    yield Benchmark("the same, plate", YOUNGS_MODULUS * fe.LATERAL_LOAD, values, "flat, torsion")
+
+
+def _frequencies(meshes: tuple[int, ...]) -> Iterator[Benchmark]:
+    values: tuple[dict[int, float], ...] = ({}, {}, {})
+    for nodes in meshes:
+        simulation = load_scene(dict(_strip()(nodes))).build()
+        simulation.settle()
+        for known, value in zip(values, simulation.linearize(modes=3).frequencies[:3], strict=True):
+            known[nodes] = float(value)
+    bar = math.sqrt(YOUNGS_MODULUS * INERTIA / (DENSITY * WIDTH * THICKNESS * LENGTH**4))
+    polar = DENSITY * WIDTH * THICKNESS * (WIDTH**2 + THICKNESS**2) / 12.0
+    beams = (
+        FIRST_ROOT**2 / (2.0 * math.pi) * bar,
+        SECOND_ROOT**2 / (2.0 * math.pi) * bar,
+        math.sqrt(SHEAR_MODULUS * TORSION / polar) / (4.0 * LENGTH),
+    )
+    speed = math.sqrt(YOUNGS_MODULUS / DENSITY)
+    rows = (("first bending", "beam"), ("second bending", "beam"), ("torsion", "beam, torsion"))
+    for k, (name, limit) in enumerate(rows):
+        yield Benchmark(f"cantilever: frequency of {name} [Hz]", beams[k], values[k], limit)
+        plate = limit.removeprefix("beam").removeprefix(", ")
+        yield Benchmark("the same, plate", speed * fe.STRIP_FREQUENCIES[k], values[k], plate)
+
+
+def _lateral_buckling(nodes: int, guess: float) -> float:
+    """Return the load at which the lowest eigenvalue of the strip, loaded in its plane, is zero [N]."""
+    loads, values = [], []
+    for fraction in (0.0, 0.8, 0.95):
+        pull = {"type": "force", "at": {"x": LENGTH, "y": 0.0}, "value": [0.0, fraction * guess, 0.0]}
+        values.append(load_scene(dict(_strip(pull)(nodes))).build().settle().eigenvalue)
+        loads.append(fraction * guess)
+    # The eigenvalue falls nearly with the square of the load.
+    curve = np.polyfit(np.square(loads), values, 2)
+    roots = np.roots(curve)
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    return math.sqrt(min(real[real > 0.0]))
 
 
 def elastica(load: float) -> tuple[float, float]:
@@ -137,7 +150,7 @@ def elastica(load: float) -> tuple[float, float]:
 def _strip(*effects: Content) -> Callable[[int], Content]:
     def content(nodes: int) -> Content:
         across = max((nodes - 1) // 4 + 1, 2)
-        return _content(
+        return sheet_content(
             (LENGTH, WIDTH), (nodes, across), {"x": LENGTH, "y": 0.0}, {"type": "clamp"}, *effects
         )
 
@@ -148,20 +161,9 @@ def _plate(load: float) -> Callable[[int], Content]:
     def content(nodes: int) -> Content:
         clamps = ({"type": "clamp", "edge": edge} for edge in ("x_min", "x_max", "y_min", "y_max"))
         push = {"type": "force", "at": "P1", "value": [0.0, 0.0, load]}
-        return _content((SIDE, SIDE), (nodes, nodes), {"x": 0.5 * SIDE, "y": 0.0}, *clamps, push)
+        return sheet_content((SIDE, SIDE), (nodes, nodes), {"x": 0.5 * SIDE, "y": 0.0}, *clamps, push)
 
     return content
-
-
-def _content(
-    size: tuple[float, float], nodes: tuple[int, int], point: dict[str, float], *effects: Content
-) -> Content:
-    return {
-        "lattice": {"size": [*size, THICKNESS], "nodes": list(nodes)},
-        "material": {"youngs_modulus": YOUNGS_MODULUS, "poisson": POISSON, "density": DENSITY},
-        "points": {"P1": point},
-        "effects": [{"type": "springs"}, *effects],
-    }
 
 
 def _measured(
@@ -182,7 +184,3 @@ def _measured(
 
 def _height(simulation: Simulation) -> float:
     return float(simulation.pose("P1")[0][2])
-
-
-def _frequency(simulation: Simulation) -> float:
-    return float(simulation.linearize(modes=1).frequencies[0])

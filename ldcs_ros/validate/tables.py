@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ldcs_ros.validate import paper
+from ldcs_ros.validate.benchmark import Benchmark
 from ldcs_ros.validate.calibration import OBSERVATIONS, Fit, target
 from ldcs_ros.validate.cases import ComparedModel
 from ldcs_ros.validate.identifiability import Confidence, Direction, Sensitivity, Structure
@@ -170,3 +171,14 @@ def as_markdown(rows: Rows) -> str:
     head, *body = ["| " + " | ".join(row) + " |" for row in rows]
     rule = "|---|" + "---:|" * (len(rows[0]) - 1)
     return "\n".join([head, rule, *body])
+
+
+def mechanics(found: Sequence[Benchmark]) -> list[list[str]]:
+    """Return the rows of the comparison with classical mechanics: errors by number of nodes, order, known limits."""
+    meshes = sorted({nodes for one in found for nodes in one.values})
+    rows = [["quantity", "reference", *(f"error at {n} nodes" for n in meshes), "order", "known limit"]]
+    for one in found:
+        errors = [f"{100.0 * one.errors[n]:+.2f} %" if n in one.errors else "" for n in meshes]
+        order = f"{one.order:.1f}" if one.order > 0.0 else "-"
+        rows.append([one.name, f"{one.reference:.5g}", *errors, order, one.limit])
+    return rows
