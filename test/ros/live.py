@@ -154,6 +154,7 @@ def stamp(message):
 def _parameter(name, value):
     kinds = {
         bool: ("bool_value", ParameterType.PARAMETER_BOOL),
+        int: ("integer_value", ParameterType.PARAMETER_INTEGER),
         float: ("double_value", ParameterType.PARAMETER_DOUBLE),
         str: ("string_value", ParameterType.PARAMETER_STRING),
     }

@@ -55,7 +55,7 @@ def test_sigterm_ends_it_as_cleanly(start, tmp_path):
 
 def test_as_fast_as_possible_to_the_end_of_the_duration(start, tmp_path):
     node, _ = start(
-        with_user=False, scene="paper", real_time_factor=-1.0, duration=5.0, record=tmp_path / "bag"
+        with_user=False, scene="paper", real_time_factor=-1, duration=5, record=tmp_path / "bag"
     )
     assert node.process.wait(20.0) == 0
     assert messages(tmp_path / "bag")[NODES] == 251
@@ -198,6 +198,7 @@ def test_dumped_parameters_load_again_one_by_one(start):
     results = user.call(f"{base}/set_parameters", SetParameters, request).results
     assert [result.reason for result in results if not result.successful] == []
     # One that cannot be set keeps none of the others from being set.
+    assert user.set_parameters(command_timeout=3).results[0].successful  # a whole number for a double
     first, second, third = user.set_parameters(seed=5.0, wrench_timeout=2.5, scene="paper").results
     assert (first.successful, second.successful, third.successful) == (False, True, False)
     assert first.reason and "scene" in third.reason

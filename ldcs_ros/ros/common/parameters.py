@@ -74,6 +74,9 @@ class ParameterNode(Node):
             ParameterException or ValueError: A value given at the start is of a wrong type or out of its range.
         """
         for parameter in table.values():
+            given = self._parameter_overrides.get(parameter.name)
+            if given is not None and isinstance(parameter.default, float):
+                self._parameter_overrides[parameter.name] = _as_float(given)
             self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
         reason = validation_error([self.get_parameter(name) for name in table], table)
         if reason:
@@ -156,7 +159,7 @@ class OwnParameterService(ParameterService):
             node = self._get_node()
             changes = [
                 change
-                for change in map(Parameter.from_parameter_msg, messages)
+                for change in (_as_declared(node, Parameter.from_parameter_msg(one)) for one in messages)
                 if not _is_unchanged(node, change)
             ]
             if not changes:
@@ -164,6 +167,22 @@ class OwnParameterService(ParameterService):
             return node.set_parameters_atomically(changes)
         except (ParameterNotDeclaredException, ValueError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
+
+
+def _as_float(given: Parameter[AllowableParameterValue]) -> Parameter[AllowableParameterValue]:
+    """Return a whole number as a floating-point one; people write -1 for -1.0."""
+    value = given.value
+    if given.type_ is not Parameter.Type.INTEGER or not isinstance(value, int):
+        return given
+    return Parameter(given.name, Parameter.Type.DOUBLE, float(value))
+
+
+def _as_declared(
+    node: Node, change: Parameter[AllowableParameterValue]
+) -> Parameter[AllowableParameterValue]:
+    if not node.has_parameter(change.name):
+        return change
+    return _as_float(change) if node.get_parameter(change.name).type_ is Parameter.Type.DOUBLE else change
 
 
 def _is_unchanged(node: Node, change: Parameter[AllowableParameterValue]) -> bool:
