@@ -6,7 +6,6 @@ import numpy as np
 
 from ldcs_ros.learning.environment import SurfaceEnv
 
-
 WEAKEST = 0.05
 """Directions in which the point moves by less than this fraction of the strongest one are left alone."""
 
