@@ -134,7 +134,7 @@ class Run:
         """Write a new file: .csv or .parquet with a row a time, or .nc (netCDF 3) with the dataset of `to_xarray`.
 
         Raises:
-            RecordingError: The suffix is another one, the file exists or cannot be written.
+            RecordingError: The suffix is another one, the file exists or cannot be written, or has no columns.
             MissingPackageError: The package for the format is not installed.
         """
         file = Path(path)
@@ -142,6 +142,8 @@ class Run:
             raise RecordingError(f"{file}: got the suffix {file.suffix!r}, expected one of {list(SUFFIXES)}")
         if file.exists():
             raise RecordingError(f"{file} exists; name another file")
+        if file.suffix != ".nc" and not self.columns:
+            raise RecordingError(f"{file} would have no column: there are nodes alone, which .nc files hold")
         try:
             if file.suffix == ".nc":
                 self.to_xarray().to_netcdf(file, engine="scipy")

@@ -93,3 +93,9 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(
 
 def test_a_run_without_channels_is_a_picture_without_lines():
     assert not Run(np.zeros(0), {}).plot().axes[0].lines
+
+
+def test_a_run_without_channels_makes_no_empty_table(tmp_path):
+    with pytest.raises(RecordingError, match="would have no column"):
+        Run(np.zeros(0), {}).write(tmp_path / "run.csv")
+    assert not (tmp_path / "run.csv").exists()
