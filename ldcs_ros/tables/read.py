@@ -1,11 +1,13 @@
 """A table of a CSV or Parquet file: named columns of numbers, each read when it is asked for.
 
 CSV as laboratories write it: a comma, semicolon or tab between cells, a decimal comma beside semicolons or tabs, lines
-that begin with `#` left out, empty cells for values that were not measured. The first line names the columns.
+that begin with `#` left out, empty cells for values that were not measured; UTF-8, UTF-16 or Windows-1252. The first
+line names the columns.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 from collections.abc import Callable, Sequence
@@ -79,7 +81,9 @@ def open_table(path: Path) -> TableFile:
         size = path.stat().st_size
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {one_line(error)}") from error
-    if not path.is_file() or size > LARGEST_FILE:
+    if not path.is_file():
+        raise RecordingError(f"{path} is a folder or a device, expected a file")
+    if size > LARGEST_FILE:
         raise RecordingError(f"{path}: got {size} bytes, expected a file of at most {LARGEST_FILE} bytes")
     return _Parquet(path) if path.suffix.lower() == ".parquet" else _Csv(path)
 
@@ -96,14 +100,7 @@ def nanoseconds(seconds: np.ndarray, name: str) -> np.ndarray:
 class _Csv:
     def __init__(self, path: Path) -> None:
         self.name = str(path)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise RecordingError(
-                f"{path} is no text in UTF-8: {one_line(error)}; save it as CSV UTF-8"
-            ) from error
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be read: {one_line(error)}") from error
+        text = _text(path)
         numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if _has_cells(line)]
         if not numbered:
             raise RecordingError(f"{path} is empty, expected a line of column names and lines of numbers")
@@ -202,6 +199,23 @@ def find(table: TableFile, name: str) -> int:
 
 def _shown(names: Sequence[str], most: int = 30) -> str:
     return str(list(names[:most])) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def _text(path: Path) -> str:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {one_line(error)}") from error
+    # Spreadsheets write UTF-16 with a mark, or the Western code page, in which a degree or a micro sign is one byte.
+    encodings = (
+        ("utf-16",) if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else ("utf-8-sig", "cp1252")
+    )
+    for encoding in encodings:
+        try:
+            return data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise RecordingError(f"{path} is no text in UTF-8, UTF-16 or Windows-1252; save it as CSV UTF-8")
 
 
 def _has_cells(line: str) -> bool:

@@ -72,6 +72,15 @@ def test_its_commands_reach_the_arms_that_the_mapping_names(lab):
     np.testing.assert_allclose(given, [[0.010, 12500.0, 0.0], [0.020, 12500.0, 25000.0]])
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_encodings_of_spreadsheets_are_read(tmp_path, encoding):
+    path = tmp_path / "table.csv"
+    path.write_bytes("Zeit [µs]\tDrück\n0\t1,5\n10\t2,5\n".encode(encoding))
+    recording, _ = open_recording(path, columns_mapping(["time=Zeit [µs]:us", "pressure_command=Drück:bar"]))
+    assert recording.duration == pytest.approx(1e-5)
+    assert [message.data for message in recording.channels["Drück"].messages] == [1.5, 2.5]
+
+
 def test_words_say_the_same_as_a_mapping_file():
     mapping = columns_mapping(
         [
@@ -143,6 +152,8 @@ def test_a_twins_bag_keeps_its_schedule_as_commands():
         ("t,p\n0,1,2\n", ["time=t", "pressure_command=p"], "line 2: got 3 cells, expected 2"),
         ("t,p\n0,\n", ["time=t", "pressure_command=p"], "no row with a number in each"),
         ("", ["time=t", "pressure_command=p"], "is empty"),
+        ("t,p\n0,\x001\n", ["time=t", "pressure_command=p"], "line 2, column 'p': got"),
+        ("t,p\n0,inf\n", ["time=t", "pressure_command=p"], "no row with a number"),
         ('t,p\n0,"1\n', ["time=t", "pressure_command=p"], "is no CSV"),
         ("t,p\n1e30,1\n", ["time=t", "pressure_command=p"], "expected times below 285 years"),
         ("t,p\n0,1\n", None, "say what they mean, for example --columns time=t:ms"),
