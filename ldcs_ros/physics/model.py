@@ -71,7 +71,10 @@ class Model:
         order = sorted(range(len(self.effects)), key=lambda index: self.effects[index].name == "gravity")
         terms: dict[int, Term] = {}
         for index in order:
-            terms[index] = self.effects[index].bind(assembly)
+            try:
+                terms[index] = self.effects[index].bind(assembly)
+            except ValueError as error:
+                raise ValueError(f"{error} @ effects[{index}]") from error
             assembly.node_mass = assembly.node_mass + terms[index].added_mass()
         self.terms = tuple(terms[index] for index in range(len(self.effects)))
         self.corotational = any(term.corotational for term in self.terms if term.name == "springs")

@@ -61,7 +61,7 @@ class Simulation:
         try:
             self.model = Model(scene.lattice, scene.points, scene.effects, scene.material)
         except ValueError as error:
-            raise SceneError(f"{error} @ effects") from error
+            raise SceneError(str(error)) from error
         if not self.model.free.size:
             raise SceneError("every coordinate is prescribed, nothing can move; free some nodes @ effects")
         self.inputs = Inputs(self.model, lambda: self.time)
