@@ -64,7 +64,7 @@ class Simulation:
             raise SceneError(str(error)) from error
         if not self.model.free.size:
             raise SceneError("every coordinate is prescribed, nothing can move; free some nodes @ effects")
-        self.inputs = Inputs(self.model, lambda: self.time)
+        self.inputs = Inputs(self.model, self._now)
         solver = scene.solver
         method = integrator_class(DEFAULT_INTEGRATOR if solver.integrator == "auto" else solver.integrator)
         self.integrator = method(self.model)
@@ -443,6 +443,10 @@ class Simulation:
 
     # -- inside
     # ---------------------------------------------------------------------------------------------------
+
+    def _now(self) -> float:
+        # A bound method, not a lambda: a simulation can be pickled.
+        return self.time
 
     def _begin(self, q: np.ndarray, u: np.ndarray) -> None:
         self._held, self._input_version = self.inputs.held(), self.inputs.version

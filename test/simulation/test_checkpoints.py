@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,17 @@ def test_a_state_of_another_lattice_is_refused_with_its_number_of_nodes():
         ValueError, match=r"one of 12 nodes, expected one of its own scene \(8 nodes, esdirk43\)"
     ):
         cell(2).reset(cell(3).state)
+
+
+@pytest.mark.parametrize("verify", [False, True], ids=["plain", "verified"])
+def test_a_pickled_simulation_goes_on_to_the_bit(verify):
+    # As a worker of a process pool, or a file of a long run, gets it.
+    simulation = load_scene("rig").build(verify=verify)
+    simulation.advance_to(0.03)
+    other = pickle.loads(pickle.dumps(simulation))
+    for one in (simulation, other):
+        one.inputs.set_pressure([50e3, 90e3])
+        one.advance_to(0.06)
+    np.testing.assert_array_equal(other.state.position, simulation.state.position)
+    assert other.statistics.steps == simulation.statistics.steps
+    assert other.inputs is not simulation.inputs
