@@ -7,10 +7,12 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from ldcs_ros.bags.schemas import Schemas
+from ldcs_ros.bags.schemas import Schemas, own_definitions
 from ldcs_ros.messages.message_types import MessageClass, RosMessage
+from ldcs_ros.messages.ros_types import ros_types
 
 # The stamp of a message that begins with a header follows the four bytes that name the encoding.
 _STAMP = struct.Struct("<iI")
@@ -19,24 +21,42 @@ _PLACEHOLDER = 0xA5
 
 
 @lru_cache(maxsize=1)
-def typestore() -> Typestore:
-    """Return the definitions of ROS 2 Kilted and our own; those used here are the same in Humble to Rolling."""
+def _own_types() -> Typestore:
+    store = get_typestore(Stores.EMPTY)
+    types = ros_types()
+    for name, text in own_definitions().items():
+        types |= get_types_from_msg(text, name)
+    store.register(types)
+    return store
+
+
+@lru_cache(maxsize=1)
+def _all_types() -> Typestore:
     return Schemas().typestore
+
+
+def typestore(message_type: str) -> Typestore:
+    """Return definitions that contain a type: those of the twin, or all of ROS 2 Kilted.
+
+    Those of the twin are the same in Humble to Rolling.
+    """
+    known = _own_types()
+    return known if message_type in known.fielddefs else _all_types()
 
 
 def message_class(message_type: str) -> MessageClass:
     """Return the class of a type such as 'std_msgs/msg/Header'."""
-    return cast(MessageClass, typestore().types[message_type])
+    return cast(MessageClass, typestore(message_type).types[message_type])
 
 
 def encode(message: RosMessage) -> bytes:
     """Return the CDR bytes of a message object."""
-    return bytes(typestore().serialize_cdr(message, message.__msgtype__))
+    return bytes(typestore(message.__msgtype__).serialize_cdr(message, message.__msgtype__))
 
 
 def decode(message_type: str, cdr: bytes) -> Any:  # its fields follow from the type's name at run time
     """Return the message object of CDR bytes; foreign bytes raise exceptions of many kinds."""
-    return typestore().deserialize_cdr(cdr, message_type)
+    return typestore(message_type).deserialize_cdr(cdr, message_type)
 
 
 def nanoseconds(time: float) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from importlib import metadata
 from typing import TypeVar
 
 from ldcs_ros import __version__
@@ -75,6 +74,8 @@ class RunSettings:
 
 def software_versions() -> dict[str, str]:
     """Return the versions that must agree for the same bits to be expected, by name."""
+    from importlib import metadata  # loads the package email: a run without a bag does not
+
     return {
         "ldcs_ros": __version__,
         "python": platform.python_version(),

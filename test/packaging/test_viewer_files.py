@@ -115,7 +115,7 @@ def test_foxglove_plots_numbers_that_are_in_the_messages(path):
     kind = published()[match[1]].type
     for field in match[2].strip(".").split("."):
         name = field.partition("[")[0]
-        fields = dict(typestore().fielddefs[kind][1])
+        fields = dict(typestore(kind).fielddefs[kind][1])
         assert name in fields, f"{kind} has no field {name}"
         node, description = fields[name]
         is_sequence = int(node) in (3, 4)
