@@ -72,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="WORD", default="", help="with --hard and --accuracy: cases with it in their name"
     )
+    parser.add_argument("--slow", action="store_true", help="with --hard: cases of a minute and more, too")
     parser.add_argument(
         "--scenes", metavar="N", type=int, default=60, help="with --accuracy: random scenes; 60 if not given"
     )

@@ -50,7 +50,7 @@ def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldC
             term.add_force(time, q, -u, inputs, back)
             damping = 0.5 * (moving - back)
             torque = term.drive_torque(time, inputs)
-            joint_rate = np.diff(u[-model.n_angles :].reshape(2, -1), axis=1, prepend=0.0)
+            joint_rate = np.diff(term.angles(u), axis=1, prepend=0.0)
             work += float(np.sum(torque * joint_rate))
         if term is model.wrench:
             work += float(u @ at_rest)

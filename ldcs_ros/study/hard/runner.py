@@ -1,4 +1,4 @@
-"""Runs hard cases and judges them: right, refused or wrong."""
+"""Runs hard cases and judges them by their error: within 1, within 3, or missed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.simulation.simulation import Simulation
-from ldcs_ros.study.hard.case import CaseRun, HardCase, run_samples
+from ldcs_ros.study.hard.case import FACTORS, CaseRun, HardCase, run_samples
 
 
 @dataclass(frozen=True)
@@ -22,18 +22,21 @@ class CaseResult:
 
     Attributes:
         case: The case.
-        outcome: 'right', 'refused' (stopped with a reason) or 'wrong'.
-        error: Error that the case's check returns [m]; NaN without a comparison.
+        outcome: 'within 1', 'within 3' or 'missed' by the error in units of the asked accuracy; 'bounded' where
+            nothing is asked or compared; 'stopped' with the expected reason.
+        error: Largest distance of a node from the reference [m]; NaN without a comparison.
+        reference: What the run was compared with.
         audit: Relative residual of the energy audit; NaN without one.
         steps: Accepted steps.
         rejected_steps: Steps taken again.
         pace: Simulated seconds per second of computing.
-        note: Reason of another outcome than 'right'.
+        note: Reason of a missed or stopped row, and an energy audit above its usual size.
     """
 
     case: HardCase
     outcome: str
     error: float = math.nan
+    reference: str = "-"
     audit: float = math.nan
     steps: int = 0
     rejected_steps: int = 0
@@ -72,39 +75,50 @@ def run_case(case: HardCase) -> CaseResult:
         simulation = case.start_simulation()
     except LdcsError as error:
         if not case.refusal:
-            return CaseResult(case, "wrong", note=str(error))
+            return CaseResult(case, "missed", note=str(error))
         if not re.search(case.refusal, str(error)):
-            return CaseResult(case, "wrong", note=f"refused without {case.refusal!r}: {error}")
-        return CaseResult(case, "refused", note=str(error))
+            return CaseResult(case, "missed", note=f"refused without {case.refusal!r}: {error}")
+        return CaseResult(case, "stopped", note=str(error))
     if case.refusal:
-        return CaseResult(case, "wrong", note=f"was built; expected a refusal with {case.refusal!r}")
+        return CaseResult(case, "missed", note=f"was built; expected a refusal with {case.refusal!r}")
     try:
         result = _judge(case, run_samples(simulation, case.sample_times, case.timeout, audited=True))
     except DivergenceError as error:
-        result = CaseResult(case, "refused", note=str(error))
+        result = CaseResult(case, "stopped", note=str(error))
     except TimeoutError as error:
-        result = CaseResult(case, "wrong", note=str(error))
+        result = CaseResult(case, "missed", note=str(error))
     return _measured(result, simulation)
 
 
 def _judge(case: HardCase, run: CaseRun) -> CaseResult:
     audit = run.audit.relative if run.audit is not None else math.nan
-    if not np.isfinite(run.positions).all():
-        return CaseResult(case, "wrong", audit=audit, note="a position is not finite")
+    if not np.isfinite(np.where(_missing(run), 0.0, run.positions)).all():
+        return CaseResult(case, "missed", audit=audit, note="a position is not finite")
     try:
-        error = case.check(case, run)
+        found = case.check(case, run)
     except DivergenceError as failure:
-        return CaseResult(case, "wrong", audit=audit, note=f"the reference stopped: {failure}")
-    notes = []
-    if error > case.error_limit:
-        notes.append(f"error above {case.error_limit:.2g} m")
-    if float(np.abs(run.positions).max()) > case.reach:
+        return CaseResult(case, "missed", audit=audit, note=str(failure))
+    outcome, notes = "bounded", []
+    if case.accuracy is not None and math.isfinite(found.error):
+        factor = found.error / case.accuracy
+        outcome = next((f"within {limit:g}" for limit in FACTORS if factor <= limit), "missed")
+        if outcome == "missed":
+            notes.append(f"{factor:.2g} times the asked accuracy")
+    if float(np.nanmax(np.abs(run.positions))) > case.reach:
+        outcome = "missed"
         notes.append(f"a node left the reach of {case.reach:g} m")
-    if not audit <= case.audit_limit:
-        notes.append(f"audit above {case.audit_limit:.2g}")
     if run.memory_growth > case.memory:
+        outcome = "missed"
         notes.append(f"memory grew by {run.memory_growth} bytes")
-    return CaseResult(case, "wrong" if notes else "right", error, audit, note="; ".join(notes))
+    if not audit <= case.audit_limit:
+        notes.append(f"energy audit above {case.audit_limit:.2g}")
+    return CaseResult(case, outcome, found.error, found.reference, audit, note="; ".join(notes))
+
+
+def _missing(run: CaseRun) -> np.ndarray:
+    # Nodes of holes have no position; shape (n_nodes, 1).
+    lattice = run.simulation.lattice
+    return np.isin(np.arange(lattice.n_nodes), lattice.missing)[:, None]
 
 
 def _measured(result: CaseResult, simulation: Simulation) -> CaseResult:
