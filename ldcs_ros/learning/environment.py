@@ -47,6 +47,7 @@ class SurfaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):  # type: ignore[misc]
         tolerance: Distance that counts as success [m].
 
     Raises:
+        ValueError: There is no such task, or a number is out of its range.
         SceneError: The scene has no arms, no such point, or is not sound.
         DivergenceError: It has no rest state.
     """
@@ -67,6 +68,16 @@ class SurfaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):  # type: ignore[misc]
     ) -> None:
         if task not in TASKS:
             raise ValueError(f"got the task {task!r}, expected one of {list(TASKS)}")
+        for name, value, highest in (
+            ("period", period, np.inf),
+            ("duration", duration, np.inf),
+            ("fraction", fraction, 1.0),
+            ("tolerance", tolerance, np.inf),
+        ):
+            if not 0.0 < value <= highest or not np.isfinite(value):
+                raise ValueError(
+                    f"got {name}={value!r}, expected a number above 0{' up to 1' if highest == 1.0 else ''}"
+                )
         loaded = (load_scene(scene) if isinstance(scene, str) else scene).without_schedule()
         if point not in loaded.points:
             raise SceneError(f"{loaded.name} has no point {point!r}, only {list(loaded.points)}")

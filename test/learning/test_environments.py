@@ -132,7 +132,20 @@ def test_a_vector_gives_each_environment_its_own_episode():
     vector.close()
 
 
+def test_processes_give_what_one_process_gives():
+    courses = []
+    for processes in (False, True):
+        vector = make_vector(2, processes=processes, task="reach", duration=0.5)
+        vector.reset(seed=5)
+        courses.append(vector.step(np.full((2, 2), 0.25, dtype=np.float32))[0])
+        vector.close()
+    np.testing.assert_array_equal(*courses)
+
+
 def test_what_does_not_fit_is_refused():
+    for wrong in ({"period": 0.0}, {"fraction": 1.5}, {"tolerance": -1.0}, {"duration": float("nan")}):
+        with pytest.raises(ValueError, match="expected a number above 0"):
+            SurfaceEnv(**wrong)
     with pytest.raises(ValueError, match="expected one of \\['reach', 'follow'\\]"):
         SurfaceEnv("jump")
     with pytest.raises(SceneError, match="no point 'P9'"):
