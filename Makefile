@@ -27,9 +27,13 @@ setup: $(PACKAGE) $(MESSAGES) $(KERNELS)  ## make .venv/ with pinned versions, R
 sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
 
+# Rooms with processes, wires and clocks: their limits of time hold while nothing else runs. The others use all cores.
+TIMED := test/faults test/launch test/mock_rig test/rig test/ros test/simulator
+TIMED := $(wildcard $(TIMED))
 # Types are checked against the wheels of ROS 2; a distribution's own rclpy has others, or none.
 test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the whole test suite: PYTEST='-k word'
-	@source tools/environment.sh && ROS_PYTHON_CHECK_FIELDS=1 exec $(BIN)/python -m pytest $(PYTEST)
+	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && $(if $(PYTEST),exec $(BIN)/python -m pytest $(PYTEST), \
+		$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(addprefix --ignore=,$(TIMED)) && exec $(BIN)/python -m pytest $(TIMED))
 
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench

@@ -89,7 +89,7 @@ setup(
         # What `simulation.linearize().to_control()` returns.
         "control": ["control"],
         # setuptools: what an editable install without build isolation needs; colcon asks for less than 80.
-        "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "ruff", "setuptools<80", "typos"],
+        "dev": ["hypothesis", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff", "setuptools<80", "typos"],
     },
     entry_points={
         "console_scripts": [
