@@ -56,7 +56,7 @@ setup(
         "pillow",
         "pyyaml",
         "rosbags",
-        "scipy",
+        "scipy>=1.15",
         "threadpoolctl",
         "tqdm",
         "zstandard",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import csv
 import math
+import re
 from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
@@ -28,6 +29,7 @@ SUFFIXES = (".csv", ".tsv", ".parquet")
 LARGEST_FILE = 512_000_000
 """Size from which on a file is refused [bytes]."""
 SEPARATORS = (",", ";", "\t")
+_FRACTION = re.compile(r"\.(\d+)")
 _NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 
 
@@ -228,9 +230,10 @@ def _is_nothing(text: str) -> bool:
 
 
 def _date(text: str) -> int | None:
-    # Python 3.10 reads no Z for UTC.
+    # Python 3.10 reads no Z for UTC, and three or six digits of a second alone.
+    text = _FRACTION.sub(lambda digits: f".{digits[1][:6]:0<6}", text).replace("Z", "+00:00")
     try:
-        moment = datetime.fromisoformat(text.replace("Z", "+00:00"))
+        moment = datetime.fromisoformat(text)
     except ValueError:
         return None
     if moment.tzinfo is None:
