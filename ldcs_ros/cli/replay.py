@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,9 @@ EXIT_INTERRUPTED = 130
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the verb's arguments."""
-    parser.add_argument("source", metavar="BAG", type=Path, help="bag folder, .mcap, .db3, .csv or .parquet file")
+    parser.add_argument(
+        "source", metavar="BAG", type=Path, help="bag folder, .mcap, .db3, .csv or .parquet file"
+    )
     parser.add_argument("--bag", metavar="DIR", type=Path, required=True, help="new bag folder")
     add_map(parser)
     parser.add_argument("--scene", metavar="SCENE", help="another scene than the recorded one")
@@ -147,6 +150,10 @@ def _verdict_lines(done: Replay) -> list[tuple[str, str]]:
         return [("verdict", f"the same bytes as the original, all {verdict.messages} messages")]
     if verdict.largest is None:
         apart = "there are no node positions in common to compare"
+    elif math.isinf(verdict.largest):
+        apart = "the replay lacks surfaces of the original"
+    elif verdict.allowed is None:
+        apart = f"nodes at most {verdict.largest:.1e} m apart; a fixed step promises no accuracy"
     else:
         apart = f"nodes at most {verdict.largest:.1e} m apart, {verdict.allowed:.1e} m allowed"
     differing = (

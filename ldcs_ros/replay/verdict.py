@@ -74,7 +74,7 @@ def _comparable(recording: Recording) -> set[str]:
 
 
 def _largest(original: Recording, again: Recording) -> float | None:
-    """Return the largest distance of a node at the times that both have [m]."""
+    """Return the largest distance of a node [m]; infinite where the second run lacks a surface."""
     ours, theirs = _clouds(original), _clouds(again)
     if ours is None or theirs is None:
         return None
@@ -82,7 +82,7 @@ def _largest(original: Recording, again: Recording) -> float | None:
     largest = None
     for index, time in enumerate(ours.times.tolist()):
         if time not in where:
-            continue
+            return math.inf
         a, b = cloud_positions(ours.messages[index]), cloud_positions(theirs.messages[where[time]])
         if a.shape != b.shape:
             return None

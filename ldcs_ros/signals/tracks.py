@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ldcs_ros.bags import Channel, Recording
-from ldcs_ros.errors import RecordingError
+from ldcs_ros.errors import RecordingError, one_line
 from ldcs_ros.messages.display.markers import DrawableState
 from ldcs_ros.messages.message_types import PointCloudMessage, StampedMessage, WrenchStampedMessage
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.scene import Scene
-from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals.topics import find_topic, find_topics
+from ldcs_ros.twin.settings import RunSettings
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -198,7 +198,10 @@ def pressure_tracks(recording: Recording) -> dict[str, Track]:
 
     FluidPressure is absolute by its definition; a bag names the pressure of its surrounding air.
     """
-    ambient = float(recording.custom_data.get("ambient_pressure", STANDARD_ATMOSPHERE))
+    try:
+        ambient = RunSettings.from_metadata(recording.custom_data).ambient_pressure
+    except ValueError as error:
+        raise RecordingError(f"{recording.name} has settings that are none: {one_line(error)}") from error
     tracks: dict[str, Track] = {}
     for topic in find_topics(recording, "pressure", PRESSURE):
         parts = topic.strip("/").split("/")

@@ -21,6 +21,28 @@ def _truth(text: str) -> bool:
     return text == "true"
 
 
+def _number(low: float, high: float) -> Callable[[str], float]:
+    """Return a reader of numbers between two bounds: a bag may ask for reports without end."""
+
+    def read(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise ValueError(f"got {text[:40]!r}, expected {low:g} ... {high:g}")
+        return value
+
+    return read
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**64:
+        raise ValueError(f"got the seed {text[:40]}, expected a whole number from 0 on of 64 bits")
+    return value
+
+
+_RATE = _number(1e-3, 1e5)
+
+
 @dataclass(frozen=True)
 class RunSettings:
     """A set of choices that, with a scene and the commands, determines every byte of a run.
@@ -40,11 +62,11 @@ class RunSettings:
         verify: Measure the error by a second solution at a tenth of the accuracy; true also where the scene says so.
     """
 
-    seed: int | None = _setting(None, int)
-    accuracy: float | None = _setting(None, float)
-    publish_rate: float = _setting(50.0, float)
-    tracker_rate: float | None = _setting(None, float)
-    ambient_pressure: float = _setting(101325.0, float)
+    seed: int | None = _setting(None, _seed)
+    accuracy: float | None = _setting(None, _number(1e-12, 1.0))
+    publish_rate: float = _setting(50.0, _RATE)
+    tracker_rate: float | None = _setting(None, _RATE)
+    ambient_pressure: float = _setting(101325.0, _number(0.0, 1e9))
     publish_clock: bool = _setting(False, _truth)
     publish_tf: bool = _setting(False, _truth)
     link_frames: bool = _setting(True, _truth)
@@ -62,7 +84,7 @@ class RunSettings:
         """Return the settings that a bag's metadata hold; a missing or empty text means the default.
 
         Raises:
-            ValueError: A text is no value of its setting.
+            ValueError: A text is no value of its setting, or out of bounds.
         """
         held = {one.name: (one, texts.get(one.metadata["key"] or one.name, "")) for one in fields(cls)}
         values = {name: one.metadata["read"](text) for name, (one, text) in held.items() if text}

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from ldcs_ros.bags import BagWriter, TopicInfo, read_bag
+from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.messages import pressure_command, torque_command, wrench_command
 from ldcs_ros.replay.session import Changes, replay
 from ldcs_ros.ros.sim.pacing import Pacer
@@ -197,6 +198,42 @@ def test_a_bag_that_was_cut_off_replays_as_far_as_it_goes(recorded, pneumatic, t
         for message in list(original.in_order())[:-3]:
             writer.write(*message)
     same(tmp_path / "cut", tmp_path)
+
+
+def with_settings(folder, original, **texts):
+    said = {**original.custom_data, **texts}
+    with BagWriter(folder, topics=original.topics, custom_data=said) as writer:
+        for message in original.in_order():
+            writer.write(*message)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        ("publish_rate", "1e12"),
+        ("publish_rate", "nan"),
+        ("tracker_rate", "1e9"),
+        ("seed", "-3"),
+        ("seed", "x"),
+    ]
+    + [("ambient_pressure", "inf")],
+)
+def test_settings_out_of_bounds_are_refused_before_the_run(recorded, pneumatic, tmp_path, setting, text):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.05)
+    bag = with_settings(tmp_path / "hostile", read_bag(tmp_path / "original"), **{setting: text})
+    with pytest.raises(RecordingError, match="custom_data of .*hostile cannot be read"):
+        replay(bag, tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_a_replay_that_lacks_surfaces_of_the_original_fails(recorded, pneumatic, tmp_path):
+    with recorded(pneumatic) as twin:
+        twin.advance_to(0.1)
+    bag = with_settings(tmp_path / "slower", read_bag(tmp_path / "original"), publish_rate="10.0")
+    verdict = replay(bag, tmp_path / "again").verdict
+    assert not verdict.passed and verdict.largest == np.inf
 
 
 def test_a_copy_in_sqlite3_replays_like_the_original(recorded, pneumatic, tmp_path):
