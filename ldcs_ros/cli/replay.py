@@ -152,8 +152,6 @@ def _verdict_lines(done: Replay) -> list[tuple[str, str]]:
         apart = "there are no node positions in common to compare"
     elif math.isinf(verdict.largest):
         apart = "the replay lacks surfaces of the original"
-    elif verdict.allowed is None:
-        apart = f"nodes at most {verdict.largest:.1e} m apart; a fixed step promises no accuracy"
     else:
         apart = f"nodes at most {verdict.largest:.1e} m apart, {verdict.allowed:.1e} m allowed"
     differing = (

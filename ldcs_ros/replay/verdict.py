@@ -26,7 +26,7 @@ class Verdict:
         messages: Messages compared.
         first_difference: Place of the first difference, in words; '' when there is none.
         largest: Largest distance of a node from its original position [m], float32 in both; None without `nodes`.
-        allowed: Distance that passes [m]; None if the scene has a fixed step, which promises none.
+        allowed: Distance that passes [m].
         differing: Software with another version, as 'name: then, now'.
     """
 
@@ -34,7 +34,7 @@ class Verdict:
     messages: int
     first_difference: str
     largest: float | None
-    allowed: float | None
+    allowed: float
     differing: tuple[str, ...]
 
     @property
@@ -42,11 +42,11 @@ class Verdict:
         """The same bytes, or node positions within the allowed distance."""
         if self.same_bytes:
             return True
-        return self.largest is not None and self.allowed is not None and self.largest <= self.allowed
+        return self.largest is not None and self.largest <= self.allowed
 
 
 def compare_runs(
-    original: Recording, again: Recording, *, allowed: float | None, differing: tuple[str, ...]
+    original: Recording, again: Recording, *, allowed: float, differing: tuple[str, ...]
 ) -> Verdict:
     """Return the verdict on two recordings of the same run, as far as the original goes."""
     ours, theirs = _comparable(original), _comparable(again)

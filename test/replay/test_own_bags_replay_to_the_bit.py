@@ -223,7 +223,7 @@ def test_settings_out_of_bounds_are_refused_before_the_run(recorded, pneumatic, 
     with recorded(pneumatic) as twin:
         twin.advance_to(0.05)
     bag = with_settings(tmp_path / "hostile", read_bag(tmp_path / "original"), **{setting: text})
-    with pytest.raises(RecordingError, match="custom_data of .*hostile cannot be read"):
+    with pytest.raises(RecordingError, match=r"custom_data of .*hostile cannot be read"):
         replay(bag, tmp_path / "again")
     assert not (tmp_path / "again").exists()
 
