@@ -42,7 +42,7 @@ lint: setup  ## check the style and the spelling
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/typos --format brief .
 
-hard: setup  ## run all hard cases (a quarter of an hour), write docs/hard_cases.md: HARD='--only floor' for a few
+hard: setup  ## run the hard cases that docs/hard_cases.csv lacks, write docs/hard_cases.md: HARD='--only floor' for a few
 	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
 	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
 

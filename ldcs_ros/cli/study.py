@@ -19,8 +19,8 @@ Measure what accuracy costs in time on this machine: every method with several a
 scenes and lattices, beside a compiled RKC2 baseline and SciPy's BDF. Also measured: the real error against the asked
 one on every shipped scene, and the cost of each effect, of commands at a rate and of larger lattices, and the
 lattice's own error.
-Writes study.csv, work_precision.png and study.md. Rows that are in study.csv already are not measured again, so an
-interrupted study continues."""
+Writes study.csv, study.md, work_precision.png (two panels) and work_precision_all.png. Rows that are in study.csv
+already are not measured again, so an interrupted study continues."""
 EXAMPLE = """\
 ldcs study
   ldcs study --targets
@@ -31,6 +31,7 @@ ldcs study
   ldcs study --accuracy --scenes 200 --first-seed 1000"""
 
 EXIT_MISSED = 1
+ALL_PANELS = "work_precision_all.png"
 MOST_JOBS = 256
 
 
@@ -115,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.cli.accuracy import run_accuracy
     from ldcs_ros.cli.hard_cases import run_hard_cases
     from ldcs_ros.study.accuracy_check import accuracy_summary
-    from ldcs_ros.study.diagram import draw
+    from ldcs_ros.study.diagram import draw, draw_summary
     from ldcs_ros.study.execute import run_tasks, workers
     from ldcs_ros.study.plan import PRESETS
     from ldcs_ros.study.recommendation import recommendation
@@ -143,8 +144,9 @@ def run(arguments: argparse.Namespace) -> int:
         workers(arguments.jobs, arguments.scheduler) as submit,
     ):
         run_tasks(tasks, table, submit, on_done=progress.show, on_begin=progress.say)
-    draw(table.rows, folder / "work_precision.png")
-    text = report(table.rows, machine=here, commands=commands, picture="work_precision.png")
+    draw_summary(table.rows, folder / "work_precision.png")
+    draw(table.rows, folder / ALL_PANELS)
+    text = report(table.rows, machine=here, commands=commands, picture=ALL_PANELS)
     (folder / "study.md").write_text(text, encoding="utf-8")
     failures = [row for row in table.rows if row.failure]
     accuracy, aims = accuracy_summary(table.rows), targets(table.rows)
@@ -158,7 +160,8 @@ def run(arguments: argparse.Namespace) -> int:
         "recommendation": recommendation(table.rows),
         "machine": here,
         "table": str(path),
-        "diagram": str(folder / "work_precision.png"),
+        "summary": str(folder / "work_precision.png"),
+        "diagram": str(folder / ALL_PANELS),
         "report": str(folder / "study.md"),
     }
     if arguments.json:

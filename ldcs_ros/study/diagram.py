@@ -45,14 +45,38 @@ COLOURS = {
 COST = "CPU s per simulated s"
 TITLES = {"arc_axiswise": "arc, law axiswise"}
 ERROR_LIMITS = (3e-3, 1e-10)  # m, the exact ones to the right
-FAILURE_PLACE = 1.8e-3  # m: failures are drawn in a gutter at the left
+FAILURE_PLACE = 1.8e-3  # m: marks of failures are at the left
+GUTTER_LINE = 0.06  # height of a line of their texts, as a fraction of the panel's
 COLUMNS = 3
+SUMMARY, SUMMARY_ERROR = ("paper", 9), 1e-8  # m: right end of its axis
 RATE_COLOURS = (LINE_COLOURS[0], LINE_COLOURS[1], LINE_COLOURS[2])
 LEAST_RATE = 3.0  # Hz: place of the smooth case
 
 
+def draw_summary(rows: Sequence[Row], path: Path) -> Path:
+    """Draw two panels of a study's rows into a PNG: `SUMMARY`, and commands at a rate; returns its path."""
+    own = [row for row in rows if row.kind == "curve" and (row.scene, row.nodes) == SUMMARY]
+    rates = rate_costs(rows)
+    figure = new_figure(11.0, 5.4, dpi=110)
+    left, right = figure.subplots(1, 2)
+    _panel(left, *SUMMARY, own)
+    left.set_xlim(ERROR_LIMITS[0], SUMMARY_ERROR)
+    if rates:
+        _rates_panel(right, rates)
+    else:
+        right.set_axis_off()
+    figure.subplots_adjust(0.07, 0.235, 0.985, 0.82, 0.2)
+    _legend(figure, {row.method for row in own}, columns=4)
+    add_title(
+        figure,
+        "What accuracy costs: CPU time against the largest node position error",
+        "one thread; down: cheap, right: accurate; a cross: no result",
+    )
+    return save_figure(figure, path)
+
+
 def draw(rows: Sequence[Row], path: Path) -> Path:
-    """Draw the diagram of a study's rows into a PNG; returns its path."""
+    """Draw all panels of a study's rows into a PNG; returns its path."""
     curves = [row for row in rows if row.kind == "curve"]
     problems = sorted({(row.scene, row.nodes) for row in curves}, key=lambda p: (p[0] != "arc", p[0], p[1]))
     spatial, sizes, rates = errors_against_finest(rows), measured_sizes(rows), rate_costs(rows)
@@ -105,22 +129,26 @@ def _panel(axes: Axes, scene: str, nodes: int, rows: Sequence[Row]) -> None:
     axes.set_xlim(*ERROR_LIMITS)
     low, high = axes.get_ylim()
     axes.set_ylim(low / 1.5, max(high, 2.0) * 2.0)
-    axes.text(1.3e-10, 1.08, "real time", fontsize=7.5, color=SOFT_INK, ha="right", va="bottom")
-    _mark_failures(axes, [row for row in rows if row.failure])
+    text = axes.text(0.99, 1.08, "real time", fontsize=7.5, color=SOFT_INK, ha="right", va="bottom")
+    text.set_transform(axes.get_yaxis_transform())
+    failures = [row for row in rows if row.failure]
+    if failures:
+        _mark_failures(axes, failures)
 
 
 def _mark_failures(axes: Axes, rows: Sequence[Row]) -> None:
+    # A gutter of its own at the top: texts cover no curve and no other text.
     low, high = axes.get_ylim()
-    span = math.log(high / low)
-    taken = high
+    line = (high / low) ** (GUTTER_LINE / (1.0 - GUTTER_LINE * (len(rows) + 1)))
+    taken = high * line ** (len(rows) + 1)
+    axes.set_ylim(low, taken)
     for row in sorted(rows, key=lambda row: -row.cpu if math.isfinite(row.cpu) else -math.inf):
-        # At the height of its pace, or at the top; below the mark before it, so that texts stay apart.
-        wanted = min(row.cpu, high) if math.isfinite(row.cpu) else high
-        taken = min(wanted, taken) * math.exp(-0.055 * span)
+        taken /= line
         axes.plot(
             [FAILURE_PLACE], [taken], marker="x", color=COLOURS[row.method], markersize=6, markeredgewidth=1.8
         )
-        text = f"{_name(row.method)}, {row.setting} {row.value:g}: {short_reason(row.failure)}"
+        reason = short_reason(row.failure).partition(":")[0]
+        text = f"{_name(row.method)}, {row.setting} {row.value:g}: {reason}"
         axes.text(FAILURE_PLACE * 0.6, taken, text, fontsize=7, color=INK, va="center")
 
 
@@ -161,8 +189,8 @@ def _scaling_panel(axes: Axes, rows: Sequence[Row]) -> None:
     axes.plot(sides, costs, color=LINE_COLOURS[0], marker="o", linewidth=2.2, zorder=3)
     for row in rows:
         place, text = (row.nodes, row.cpu), f"{peak_memory(row):.0f} MiB"
-        axes.annotate(text, place, (8, -6), textcoords="offset points", fontsize=8, color=INK)
-    axes.set_xlim(sides[0] / 1.3, sides[-1] * 2.2)
+        axes.annotate(text, place, (-7, 7), textcoords="offset points", fontsize=8, color=INK, ha="right")
+    axes.set_xlim(sides[0] / 2.2, sides[-1] * 2.2)
     axes.set_xticks(sides, [str(n) for n in sides])
     axes.minorticks_off()
     axes.axhline(1.0, color=SOFT_INK, linewidth=0.9, linestyle="--", zorder=1)
@@ -185,6 +213,9 @@ def _rates_panel(axes: Axes, costs: dict[tuple[str, float], RateCost]) -> None:
     axes.set_xticks(list(places.values()), ["smooth" if rate == SMOOTH else f"{rate:g}" for rate in places])
     axes.minorticks_off()
     axes.axhline(1.0, color=SOFT_INK, linewidth=0.9, linestyle="--", zorder=1)
+    # Room for the legend above all curves.
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, max(high, 1.5) * (max(high, 1.5) / low) ** 0.5)
     axes.legend(frameon=False, fontsize=8, loc="upper left")
 
 
@@ -194,13 +225,13 @@ def _log_axes(axes: Axes, *, x_label: str, y_label: str, title: str) -> None:
     style_axes(axes, x_label=x_label, y_label=y_label, title=title)
 
 
-def _legend(figure: Figure, methods: set[str]) -> None:
+def _legend(figure: Figure, methods: set[str], *, columns: int = 6) -> None:
     shown = [method for method in COLOURS if method in methods]
     handles = [
         Line2D([], [], color=COLOURS[m], marker="s" if m == BASELINE else "o", linewidth=2.0, label=_name(m))
         for m in shown
     ]
-    figure.legend(handles=handles, loc="lower center", ncols=6, frameon=False, fontsize=LABEL_SIZE)
+    figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=LABEL_SIZE)
 
 
 def _name(method: str) -> str:

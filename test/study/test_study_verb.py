@@ -31,6 +31,7 @@ def small(monkeypatch):
 def undrawn(monkeypatch):
     """Leave the picture and the table of methods out: one test looks at them."""
     monkeypatch.setattr(diagram, "draw", lambda rows, path: path)
+    monkeypatch.setattr(diagram, "draw_summary", lambda rows, path: path)
     monkeypatch.setattr(report, "methods", lambda rows: [])
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ldcs_ros.study.hard.case import AUDIT_FACTOR, FACTORS, REFERENCE_SECONDS
-from ldcs_ros.study.hard.catalogue import CHAPTERS
+from ldcs_ros.study.hard.catalogue import CASES, CHAPTERS
 from ldcs_ros.study.hard.runner import CaseResult
 from ldcs_ros.study.report import markdown_table
 
@@ -55,8 +55,9 @@ def summary(results: Sequence[CaseResult]) -> str:
     outcomes = (*(f"within {limit:g}" for limit in FACTORS), "missed", "bounded", "stopped")
     count = {outcome: sum(result.outcome == outcome for result in results) for outcome in outcomes}
     alone = sum(result.reference == "SciPy" for result in results)
+    counts = ", ".join(f"{number} {outcome}" for outcome, number in count.items())
     return (
-        f"{len(results)} cases: {', '.join(f'{number} {outcome}' for outcome, number in count.items())}; "
+        f"{len(results)} of {len(CASES)} cases: {counts}; "
         f"{alone} have a reference that shares no code with the solver."
     )
 
@@ -91,9 +92,11 @@ def as_markdown(results: Sequence[CaseResult], *, machine: dict[str, str], comma
         + ", ".join(f"{name} {value}" for name, value in machine.items())
         + ".",
     ]
+    left_out_chapters: list[str] = []
     for chapter, cases in CHAPTERS.items():
         shown = [by_name[case.name] for case in cases if case.name in by_name]
         if not shown:
+            left_out_chapters.append(chapter)
             continue
         parts += [f"## {chapter}", markdown_table(COLUMNS, map(cells, shown))]
         remarks: dict[str, list[str]] = {}
@@ -105,6 +108,9 @@ def as_markdown(results: Sequence[CaseResult], *, machine: dict[str, str], comma
             remarks["not run here; `ldcs study --hard` goes on with them, with `--slow` also with long ones"] = left_out
         if remarks:
             parts.append("\n".join(f"- {'; '.join(names)}: {remark}." for remark, names in remarks.items()))
+    if left_out_chapters:
+        names = ", ".join(left_out_chapters)
+        parts.append(f"Chapters without a run so far: {names}. The same command goes on with them.")
     return "\n\n".join(parts) + "\n"
 
 
