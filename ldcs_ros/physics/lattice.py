@@ -14,6 +14,8 @@ LAYERS = ("bottom", "top")
 EDGES = ("x_min", "x_max", "y_min", "y_max")
 # Places nearer to a line of nodes, in cells, or to an outline, in lengths of the sheet, are on it: rounding only.
 ROUNDING = 1e-9
+# Samples along each side of a cell from which the area that a hole leaves of it is taken.
+SAMPLES = 8
 
 
 @dataclass(frozen=True)
@@ -235,6 +237,18 @@ class Lattice:
         cut: np.ndarray = inside[1:, 1:] | inside[1:, :-1] | inside[:-1, 1:] | inside[:-1, :-1]
         return ~cut
 
+    @cached_property
+    def _fraction_outside_holes(self) -> np.ndarray:
+        (nx, ny), (dx, dy) = self.nodes, self.spacing
+        if not self.holes:
+            return np.ones((nx - 1, ny - 1))
+        inside_cell = (np.arange(SAMPLES) + 0.5) / SAMPLES
+        x = (np.arange(nx - 1)[:, None] + inside_cell).ravel() * dx
+        y = (np.arange(ny - 1)[:, None] + inside_cell).ravel() * dy - 0.5 * self.size[1]
+        place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        outside = np.all([hole.distance(place) > 0.0 for hole in self.holes], axis=0)
+        return np.asarray(outside.reshape(nx - 1, SAMPLES, ny - 1, SAMPLES).mean(axis=(1, 3)))
+
     def spring_factor(self, quantity: str) -> np.ndarray:
         """Return the factor of each spring by the cells that it belongs to, shape (n_springs,).
 
@@ -259,11 +273,10 @@ class Lattice:
         """Return the factor of each cell, shape (nx - 1, ny - 1).
 
         Args:
-            quantity: A factor of the regions; whole for 1 where no hole cuts the cell, 0 where one does.
+            quantity: A factor of the regions; whole for the fraction of the cell's area outside of the holes.
         """
         if quantity == "whole":
-            whole = self._whole_cells
-            return np.ones((self.nodes[0] - 1, self.nodes[1] - 1)) if whole is None else whole.astype(float)
+            return self._fraction_outside_holes
         # Factors of overlapping regions multiply.
         (length, width), (nx, ny) = self.size[:2], self.nodes
         x, y = np.meshgrid(

@@ -26,8 +26,9 @@ Their k grow like (t / dx)^2: the two families need different scaling.
 Central springs tie the stiffness in plane shear to C12. The springs inside the layers have it right for v = 1/3.
 Those between raise it to 1.3 times that of an isotropic sheet for v = 1/3, and to 2.4 times for v = 1/2.
 Springs on a free edge, also that of a hole, belong to half a cell and have half the stiffness; masses follow the
-node's area. Where a region has a factor on the thickness, t is that of each cell: membrane stiffness and mass grow
-like t, bending stiffness like t^3. Factors on stiffness and mass multiply what the thickness gives.
+node's area. A cell that a hole cuts counts with the fraction of its area that is left. Where a region has a factor
+on the thickness, t is that of each cell: membrane stiffness and mass grow like t, bending stiffness like t^3. Factors
+on stiffness and mass multiply what the thickness gives.
 """
 
 from __future__ import annotations

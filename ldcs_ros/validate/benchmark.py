@@ -22,8 +22,8 @@ LIMITS = {
         "the stiffness by the factor of the row where bending counts, or give a material"
     ),
     "cut cells": (
-        "cells that a hole cuts are left out whole: a slanted or round outline is a stair, narrower by up to a cell. "
-        "Sums over the sheet converge with order 1; the strain at one place of a stair does not"
+        "a slanted or round outline is a stair of nodes; cells that it cuts count with the area that is left. Sums "
+        "over the sheet converge; the strain at one place of a stair does so slowly"
     ),
     "torsion": (
         "lumped masses and few cells across twist a narrow strip too slowly: order 1.5. A beam's reference has the "

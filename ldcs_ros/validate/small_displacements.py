@@ -44,8 +44,8 @@ def _cases() -> list[Case]:
     measures = (sheets.stress_concentration, sheets.strain_beside_hole, sheets.hole_elongation)
     words = (
         "stress concentration",
-        "strain beside the hole over its diameter",
-        "elongation of the hole over it",
+        "strain beside the hole",
+        "elongation of the hole",
     )
     for k, (measure, quantity) in enumerate(zip(measures, words, strict=True)):
         holed += [

@@ -154,6 +154,18 @@ def test_holes_leave_out_nodes_springs_and_mass():
     assert lattice.node_mass.sum() == pytest.approx(0.16 * (1.0 - inside.mean()), rel=1e-12)
 
 
+def test_a_cell_that_a_hole_cuts_counts_with_the_area_that_is_left():
+    hole = Disc((0.1, 0.0), 0.025)
+    lattice = Lattice((0.2, 0.12, 0.006), (17, 11), 0.16, True, holes=(hole,))
+    left = lattice.cell_factor("whole")
+    assert left.mean() == pytest.approx(1.0 - math.pi * 0.025**2 / (0.2 * 0.12), abs=1e-3)
+    assert ((left > 0.0) & (left < 1.0)).any()
+    # The mass of what is left, but for that of corners inside of the hole.
+    assert 0.97 < lattice.node_mass.sum() / (0.16 * left.mean()) < 1.0
+    aligned = Lattice((0.08, 0.08, 0.01), (9, 9), 0.16, holes=(Rectangle((0.02, -0.02, 0.04, 0.02)),))
+    assert set(np.unique(aligned.cell_factor("whole"))) == {0.0, 1.0}
+
+
 def test_nodes_on_the_outline_of_a_hole_stay():
     lattice = Lattice((0.08, 0.08, 0.01), (9, 9), 0.16, holes=(Rectangle((0.02, -0.02, 0.04, 0.02)),))
     gone = lattice.reference_position[lattice.missing]
@@ -214,7 +226,10 @@ def test_a_free_sheet_with_a_hole_and_regions_keeps_its_momentum(law):
 
 def test_columns_beside_a_hole_turn_with_the_sheet_and_not_with_the_nodes_that_it_lacks():
     lattice = Lattice((0.2, 0.12, 0.006), (17, 13), 0.16, holes=(Disc((0.1, 0.0), 0.03),))
-    turn, kept = Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(), np.setdiff1d(np.arange(17 * 13), lattice.missing)
+    turn, kept = (
+        Rotation.from_rotvec([0.3, -1.1, 0.4]).as_matrix(),
+        np.setdiff1d(np.arange(17 * 13), lattice.missing),
+    )
     moved = lattice.reference_position @ turn.T + [0.1, -0.2, 0.3]
     moved[lattice.missing] = lattice.reference_position[lattice.missing]
     frames = np.empty((17 * 13, 3, 3))
@@ -252,7 +267,10 @@ def with_arms(*arms, **more):
         (with_arms({**ARM, "to": [0.0, 0.0]}), "the same place"),
         (with_arms({**ARM, "stiffness": 2}), r"unknown key 'stiffness'.*@ effects\[2\]\.arms\[0\]"),
         (with_arms({**ARM, "drive": "torque"}), "unknown key 'drive'"),
-        (with_arms(ARM, holes=[{"circle": [0.07, 0.0, 0.03]}]), r"'a' crosses a hole at x = 0.0.*@ effects\[2\]"),
+        (
+            with_arms(ARM, holes=[{"circle": [0.07, 0.0, 0.03]}]),
+            r"'a' crosses a hole at x = 0.0.*@ effects\[2\]",
+        ),
         (with_arms({**ARM, "from": [0.07, 0.0]}, holes=[{"circle": [0.09, 0.0, 0.02]}]), "crosses a hole"),
         (sheet(holes=[{"box": [0.03, -0.08, 0.06, 0.08]}]), "2 pieces"),
         (sheet(holes=[{"box": [0.03, -0.08, 0.03, 0.08]}]), r"opposite corners.*@ lattice\.holes\[0\]\.box"),

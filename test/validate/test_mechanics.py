@@ -78,7 +78,11 @@ def test_known_limits_have_the_size_that_the_page_states(small):
     bending = small["springs without material: bending stiffness"].values
     np.testing.assert_allclose(list(bending.values()), [1.82, 2.21, 2.64], atol=0.01)
     narrow = small["narrower to its tip [m]"].errors
-    assert 0.04 < abs(narrow[33]) < 0.55 * abs(narrow[17])
+    assert 0.005 < abs(narrow[33]) < 0.55 * abs(narrow[17])
+    hole = "pulled strip with a hole: "
+    assert -0.35 < small[hole + "stress concentration"].errors[33] < -0.1
+    for quantity in ("strain beside the hole", "elongation of the hole"):
+        assert abs(small[f"{hole}{quantity}"].errors[33]) < 0.04, quantity
     assert {part for one in small.values() for part in one.limit.split(", ") if part} <= set(LIMITS)
 
 
