@@ -53,10 +53,10 @@ class Bdf2(Esdirk43):
 
         u = u_n + c (u_n - u_(n-1)) + b h A,    q = q_n + c (q_n - q_(n-1)) + b h u,    M(q) A = f(t, q, u).
 
-    Each interval between commands has its own constant torques and forces. The formula answers their jump J with the
-    impulse b h J instead of h J; the step after a jump has J w / (1 + w) more, which gives the whole impulse, and its
-    past position is that of a course with the jump's acceleration. Valves are continuous and need neither. The one-step
-    method starts the formula, and takes a step without history or compiled force, or whose iteration fails.
+    Each interval between commands has its own constant torques and forces. The formula answers their jump J with
+    b h R J, R = (1 - b h A)^-1, the motion with h phi_1(h A) J. (alpha R + beta R^2) J makes up for the difference,
+    with alpha + beta = w / (1 + 2 w) and alpha + 2 beta = -1 / (2 b (1 + 2 w)). Valves are continuous and need none.
+    The one-step method starts the formula, and takes steps without history or compiled force, or if an iteration fails.
     """
 
     name: ClassVar[str] = "bdf2"
@@ -135,7 +135,6 @@ class Bdf2(Esdirk43):
         drive = kernel.force.drive(time, inputs)
         jump = self._force_jump(motion, past.inputs, inputs)
         if jump.size:
-            steady = steady + ratio / (1.0 + ratio) * jump
             jump = jump[self.model.free]
         accelerations = past.accelerations.copy()
         q, u, a = motion.q.copy(), motion.u.copy(), np.empty(len(self.model.free))

@@ -114,7 +114,7 @@ def _step(  # type: ignore[no-untyped-def]
     # rate to expect, most iterations, factor on the solution, time ahead of the second rotation,
     # error from which on the filter is worth its solve.
     # past_a: acceleration at the start of the last step and at its end. jump: that of the force where commands changed
-    # at the start, free coordinates, or empty; `steady` holds its correction already. q, u: start, become the end.
+    # at the start, free coordinates, or empty. q, u: start, become the end.
     # past_a becomes those of a course that had the jump before.
     h, ratio, allowed, rate, scale = numbers[0], numbers[1], numbers[2], numbers[3], numbers[5]
     rate_step, back = (1.0 + ratio) / (1.0 + 2.0 * ratio) * h, ratio * ratio / (1.0 + 2.0 * ratio)
@@ -141,19 +141,30 @@ def _step(  # type: ignore[no-untyped-def]
         fill_rotations(now, then, columns, turns[0])
         fill_column_frames((q[:first] + numbers[6] * u[:first]).reshape(-1, 3), neighbours, now)
         fill_rotations(now, then, columns, turns[1])
-    # The jump of acceleration that lasts through the step. The formula takes the history for one with that jump: past
-    # rates through the correction in `steady`, past positions here.
-    lasting, correction = np.zeros(n_free), ratio / (1.0 + ratio)
+    # The formula answers a jump g of the acceleration by b h R g with R = (1 - b h A)^-1, the motion by h phi_1(h A) g.
+    # alpha R + beta R^2 makes up for the difference, to first order in h A and for stiff parts. Without a factor on the
+    # solution, which would scale the impulse that free motion takes up.
+    lasting = np.zeros(n_free)
     if jump.size > 0:
         lasting[:] = jump
+        _solve(order, inverse, link, link_transposed, block, room, turns, border, corner, 1.0, lasting, nodes)
+        residual[:] = lasting
+        if n_angles > 0:
+            arm.fill_inertia(q[first:].reshape(-1, links), tables.arms.arms, tables.arms.links, inertia)
+        _times_mass(inertia, weights[0], residual, n_nodes)
         _solve(
-            order, inverse, link, link_transposed, block, room, turns, border, corner, scale, lasting, nodes
+            order, inverse, link, link_transposed, block, room, turns, border, corner, 1.0, residual, nodes
         )
+        missing = ratio / (1.0 + 2.0 * ratio)
+        slope = -0.5 * h / ((1.0 + 2.0 * ratio) * rate_step)
+        alpha, beta = h * (2.0 * missing - slope), h * (slope - missing)
         for i in range(n_free):
-            known[0, i] -= 0.5 * back * (h / ratio) ** 2 * lasting[i]
+            impulse = alpha * lasting[i] + beta * residual[i]
+            known[0, i] += rate_step * (impulse + beta * lasting[i])
+            known[1, i] += impulse
             past_a[0, i] += lasting[i]
             past_a[1, i] += lasting[i]
-            a[i] += (1.0 + correction) * lasting[i]
+            a[i] += lasting[i]
             u[free[i]] = known[1, i] + rate_step * a[i]
             q[free[i]] = known[0, i] + rate_step * u[free[i]]
     worst, before = 0.0, np.inf
@@ -193,7 +204,6 @@ def _step(  # type: ignore[no-untyped-def]
             factor = ERROR_CONSTANT * h * h
             error = 0.0
             for i in range(n_free):
-                a[i] -= correction * lasting[i]
                 changed = a[i] - past_a[1, i]
                 unforeseen = changed - ratio * (past_a[1, i] - past_a[0, i])
                 error = max(error, factor * weights[1, i] * max(abs(changed), RATE_WEIGHT * abs(unforeseen)))
