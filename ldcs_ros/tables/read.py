@@ -103,6 +103,8 @@ class _Csv:
     def __init__(self, path: Path) -> None:
         self.name = str(path)
         text = _text(path)
+        if "\0" in text:  # refused by csv on Python 3.10 alone
+            raise RecordingError(f"{path} is no CSV: it contains NUL")
         numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if _has_cells(line)]
         if not numbered:
             raise RecordingError(f"{path} is empty, expected a line of column names and lines of numbers")

@@ -152,7 +152,7 @@ def test_a_twins_bag_keeps_its_schedule_as_commands():
         ("t,p\n0,1,2\n", ["time=t", "pressure_command=p"], "line 2: got 3 cells, expected 2"),
         ("t,p\n0,\n", ["time=t", "pressure_command=p"], "no row with a number in each"),
         ("", ["time=t", "pressure_command=p"], "is empty"),
-        ("t,p\n0,\x001\n", ["time=t", "pressure_command=p"], "line 2, column 'p': got"),
+        ("t,p\n0,\x001\n", ["time=t", "pressure_command=p"], "is no CSV: it contains NUL"),
         ("t,p\n0,inf\n", ["time=t", "pressure_command=p"], "no row with a number"),
         ('t,p\n0,"1\n', ["time=t", "pressure_command=p"], "is no CSV"),
         ("t,p\n1e30,1\n", ["time=t", "pressure_command=p"], "expected times below 285 years"),
