@@ -64,17 +64,19 @@ class ErrorState:
         q: Of the free coordinates [m, rad], shape (n_free,).
         u: Of their rates, same shape.
         distance: Of the worst node, at this time or inside the step that led here [m].
+        outlook: Distance that it will reach at the worst node as its velocities act [m].
     """
 
     q: np.ndarray
     u: np.ndarray
     distance: float = 0.0
+    outlook: float = 0.0
 
     def toward(self, end: ErrorState, h: float, s: float) -> ErrorState:
         """Return the error at the fraction s of the step of length h [s] that leads to `end`."""
         q = (1.0 - s) ** 2 * ((1.0 + 2.0 * s) * self.q + s * h * self.u)
         q += s**2 * ((3.0 - 2.0 * s) * end.q - (1.0 - s) * h * end.u)
-        return ErrorState(q, (1.0 - s) * self.u + s * end.u, end.distance)
+        return ErrorState(q, (1.0 - s) * self.u + s * end.u, end.distance, end.outlook)
 
 
 @dataclass(frozen=True)
@@ -85,14 +87,14 @@ class Step:
         left: Motion at its start.
         right: Motion at its end.
         error: Estimated error that this step made in the position of the worst node [m].
-        lasting: Where a free sheet coasts to with what the step got wrong of its momentum [m].
+        drift: Speed that a loose sheet has from what the step got wrong of its momenta [m/s].
         rate_error: Estimated error that this step made in the velocity of the worst node [m/s].
     """
 
     left: Motion
     right: Motion
     error: float
-    lasting: float = 0.0
+    drift: float = 0.0
     rate_error: float = 0.0
 
     def at(self, time: float, model: Model) -> Motion:

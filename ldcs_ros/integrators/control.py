@@ -27,11 +27,18 @@ CEILING_SHARE = 0.7
 CEILING_GROWTH = 1.3
 # After a corner in drives the smooth step before says little about the one after it.
 CORNER_SHARE = 0.25
-# All errors that the motion remembers may add up to this share of what is asked by the methods' own estimates,
+# All errors that the motion remembers may add up to this fraction of what is asked by the methods' own estimates,
 # which are low by a factor of up to ESTIMATE_FACTOR (measured on all shipped scenes from 1e-3 to 1e-7 m).
-LOCAL_SHARE = 0.15
+LOCAL_SHARE = 0.2
 ESTIMATE_FACTOR = 10.0
-# A transported error is at least half of the real one in 98 % of the runs of `ldcs study --accuracy`.
+# The outlook of a transported error may reach this fraction of the asked accuracy; one step may use this fraction of
+# what is left. With less than LEAST_ROOM left steps shorten no further: what makes errors grow then is the motion.
+BUDGET = 0.8
+STEP_FRACTION = 0.5
+LEAST_ROOM = 0.1
+# A shorter step must reduce what it adds to the outlook by this factor; else the error grows by itself.
+LEAST_GAIN = 2.0
+# A transported error is at least half of the real one in nearly all runs of `ldcs study --accuracy`.
 TRANSPORT_FACTOR = 2.0
 # Commands at a rate keep steps so short that errors are small beside the asked accuracy, and a transport would double
 # the cost: below this share of it they are added up instead, when a command is due within this time [s].
@@ -40,6 +47,8 @@ COMMAND_INTERVAL = 0.02
 # Inside a step the quintic is off by about this share of its last coefficient, twice over (measured on `arc` and
 # `single_spring`); such an error does not add up.
 BEND_SHARE = 1.0 / 8.0
+# A loose sheet goes on with wrong momenta for at least and at most this long [s].
+COASTING = 2.0, 20.0
 # A motion without damping is taken to be followed for this long [s].
 HORIZON = 10.0
 # Steps of a fixed length have no accuracy to iterate to: their stages are solved to this [m].
@@ -93,11 +102,16 @@ class AdaptiveSteps:
     1 / lambda add up, so a step of length h may make the share min(1, lambda h) of them. The step size follows
     the error, h' = 0.9 h (tolerance / error)^(1/p) (Hairer and Wanner, Solving ODEs II, section IV.8), with a
     dead zone.
+
+    lambda is a mean over all motion, and the methods' estimates miss what stiff or hardly damped modes do. So the
+    transported error has the last word: tolerances shrink with what it leaves of its budget, and a step that would
+    use too much of the rest is taken again, shorter.
     """
 
     def __init__(self, integrator: Integrator, accuracy: float) -> None:
         self.integrator, self.accuracy = integrator, accuracy
         self._power = 1.0 / integrator.error_order
+        self._has_contact = min(term.contact_width for term in integrator.model.terms) < math.inf
 
     def first(self, motion: Motion) -> Pace:
         """Return the pace at a start: the step in which the acceleration moves something noticeably."""
@@ -123,9 +137,10 @@ class AdaptiveSteps:
         self.integrator.counters.evaluations += 1  # by the damping rate
         decay_rate = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
         h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
+        room, added_before = self._room(pace.errors), math.inf
         while True:
             h, clipped = _fit(motion.time, h, stop, 1.0 if rejected else STRETCH)
-            tolerance = LOCAL_SHARE * self.accuracy * min(1.0, decay_rate * h)
+            tolerance = room * LOCAL_SHARE * self.accuracy * min(1.0, decay_rate * h)
             try:
                 step = _finite_step(self.integrator, motion, inputs, h, tolerance)
             except StepFailure as failure:
@@ -136,11 +151,16 @@ class AdaptiveSteps:
                 h, rejected = h * failure.remedy, True
                 continue
             inside = BEND_SHARE * self.integrator.largest_displacement(step.bend(self.integrator.model))
-            # Momentum changes by impacts only, and they are short: their errors are no rate per second.
-            lasting = step.lasting / (LOCAL_SHARE * self.accuracy)
-            ratio = max(step.error / tolerance, lasting, inside / self.accuracy, 1e-6)
+            drift = self._coasted(step) / (room * LOCAL_SHARE * self.accuracy)
+            ratio = max(step.error / tolerance, drift, inside / self.accuracy, 1e-6)
             if ratio <= 1.0:
-                break
+                errors = self._transported(step, inputs, pace.errors[-1:], stop)
+                added = errors[1].outlook - errors[0].outlook if len(errors) > 1 else 0.0
+                allowed = room * STEP_FRACTION * BUDGET * self.accuracy
+                is_hopeless = room <= LEAST_ROOM or LEAST_GAIN * added > added_before
+                if added <= allowed or is_hopeless or h < 10.0 * SMALLEST_STEP:
+                    break
+                ratio, added_before = added / allowed, added
             self.integrator.counters.rejected_steps += 1
             self.integrator.counters.steps -= 1
             h, rejected = h * max(0.1, SAFETY * ratio**-self._power), True
@@ -157,14 +177,37 @@ class AdaptiveSteps:
         error = pace.error * math.exp(-decay_rate * h)
         first = grown if opening else pace.opening
         step = _landed(step, stop) if clipped else step
-        errors = pace.errors[-1:]
-        is_minor = stop - motion.time < COMMAND_INTERVAL and step.error < MINOR_SHARE * self.accuracy
-        if errors and not is_minor:
-            errors, inside = (*errors, self.integrator.transport_error(step, inputs, errors[0])), 0.0
+        if len(errors) > 1:
+            inside = 0.0
         else:
-            error += step.error + step.lasting
+            error += step.error + COASTING[0] * step.drift
         h = min(grown, ceiling, LARGEST_STEP)
         return step, Pace(h, ceiling * CEILING_GROWTH, error, inside, first, errors)
+
+    def _room(self, errors: tuple[ErrorState, ...]) -> float:
+        """Return the fraction of the budget that the outlook of a transported error leaves, at least LEAST_ROOM."""
+        used = errors[-1].outlook / (BUDGET * self.accuracy) if errors else 0.0
+        return max(1.0 - used, LEAST_ROOM)
+
+    def _coasted(self, step: Step) -> float:
+        """Return the distance [m] that a step adds to where a loose sheet coasts with errors of its momenta.
+
+        Impacts are short: their errors are no rate per second, and count as they are. Those of smooth steps add up
+        over the time that the sheet coasts, which is taken to be as long again as the run has lasted.
+        """
+        if self._has_contact:
+            return COASTING[0] * step.drift
+        h, time = step.right.time - step.left.time, min(max(step.right.time, COASTING[0]), COASTING[1])
+        return time * max(time / h, 1.0) * step.drift
+
+    def _transported(
+        self, step: Step, inputs: HeldCommands, errors: tuple[ErrorState, ...], stop: float
+    ) -> tuple[ErrorState, ...]:
+        """Return the error before a step and after it; without the latter if it is minor or the method has none."""
+        is_minor = stop - step.left.time < COMMAND_INTERVAL and step.error < MINOR_SHARE * self.accuracy
+        if not errors or is_minor:
+            return errors
+        return (*errors, self.integrator.transport_error(step, inputs, errors[0]))
 
     def _stop(self, motion: Motion, reason: str) -> DivergenceError:
         return DivergenceError(
@@ -232,9 +275,7 @@ def _finite_step(
     except np.linalg.LinAlgError as error:
         raise StepFailure(str(error)) from error
     right = step.right
-    if not all(
-        np.isfinite(values).all() for values in (right.q, right.u, right.a, step.error + step.lasting)
-    ):
+    if not all(np.isfinite(values).all() for values in (right.q, right.u, right.a, step.error + step.drift)):
         integrator.counters.steps -= 1
         raise StepFailure("the step left the finite numbers")
     return step

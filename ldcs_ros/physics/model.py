@@ -102,7 +102,8 @@ class Model:
         self.n_free_angles = len(self.free) - self.n_free_nodes
         self.mass = np.repeat(self.node_mass, 3)[self.free[: self.n_free_nodes]]
         # Nodes of holes are left out of the free ones, but hold nothing.
-        self.is_unconstrained = self.n_free_nodes + len(self._cut_out) == 3 * self.lattice.n_nodes
+        is_whole = self.n_free_nodes + len(self._cut_out) == 3 * self.lattice.n_nodes
+        self.is_unconstrained = is_whole and self.arms is None
         self.prescribing = tuple(term for term in self.terms if term.constrained_dofs().size)
         self.breakpoints = tuple(sorted({time for term in self.terms for time in term.breakpoints}))
 

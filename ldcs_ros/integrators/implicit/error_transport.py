@@ -29,9 +29,9 @@ from ldcs_ros.physics.inputs import HeldCommands
 MAX_GROWTH = 1.3
 MAX_LOCAL = 10.0
 # A held and strongly damped sheet that turns far in a long step is not resolved by three stages: their answer to the
-# residual is up to fifty times too large (measured on `paper_no_load`). There the step's own estimate bounds growth.
-UNRESOLVED_ANGLE = 0.05  # rad
-UNRESOLVED_STEP = 2e-3  # s
+# residual is up to ten times too large (measured on `gripper_strip`). There the step's own estimate bounds growth.
+UNRESOLVED_ANGLE = 0.03  # rad
+UNRESOLVED_STEP = 2e-3  # s, and the same for the springs' relaxation time
 UNRESOLVED_LOCAL = 3.0
 
 
@@ -60,13 +60,15 @@ class ErrorTransport:
 
     With p the quintic of the step, M e'' = f(p + e) - f(p) + r, r = f(p) - M p''. Lobatto's rule gives the mean and the
     first moment of the residual r. Three implicit stages of one solve each advance e; their diagonal is that of the
-    factors, whatever the step's length. A sheet that nothing holds has its error in axes that turn with it at a
-    constant rate: what is soft in one place of a turning sheet is stiff in the next.
+    factors, whatever the step's length. Each column of nodes has its residual in axes that turn with it at a constant
+    rate: a force along a stiff spring must not push across it where the spring has turned. A sheet that nothing holds
+    has its error in axes that turn with the whole sheet, too.
     """
 
     def __init__(self, system: LinearSystem) -> None:
         self._system, self._model = system, system.model
         self._is_loose = self._model.is_unconstrained
+        self._is_viscous = not self._is_loose and self._model.relaxation_time > UNRESOLVED_STEP
         self._no_spin = np.zeros((0, 3))
 
     def initial(self) -> ErrorState:
@@ -96,13 +98,13 @@ class ErrorTransport:
             updates: What the stages' iterations have learned of the factors.
             counters: Where evaluations and solves are counted.
         """
-        angle, spin = self._spin(step)
-        carried = self._transport(step, inputs, error, factors, updates, spin)
+        angle, column_spin = self._column_spin(step)
+        carried = self._transport(step, inputs, error, factors, updates, column_spin)
         counters.evaluations += 5
         counters.solves += 3
         h = step.right.time - step.left.time
         q, u = self.size(error.q), self.size(error.u)
-        if angle > UNRESOLVED_ANGLE and h > UNRESOLVED_STEP and not self._is_loose:
+        if self._is_viscous and angle > UNRESOLVED_ANGLE and h > UNRESOLVED_STEP:
             most_q, most_u = q + UNRESOLVED_LOCAL * step.error, u + UNRESOLVED_LOCAL * step.rate_error
         else:
             most_q = MAX_GROWTH * (q + h * u) + MAX_LOCAL * step.error
@@ -121,9 +123,10 @@ class ErrorTransport:
         error: ErrorState,
         factors: tuple[Factors, Factors, Factors],
         updates: BroydenUpdates,
-        spin: np.ndarray,
+        column_spin: np.ndarray,
     ) -> ErrorState:
         model, free, order = self._model, self._model.free, self._system.order
+        spin = self._mean_spin(column_spin)
         start, end = step.left, step.right
         h, rate_step, n_free = end.time - start.time, factors[0].rate_step, len(free)
         a, c, moment = _tableau(rate_step / h)
@@ -135,7 +138,7 @@ class ErrorTransport:
             model.prescribe(start.time + s * h, q, u)
             force = model.force(start.time + s * h, q, u, inputs)
             residuals[k] = force - model.momentum(q, acceleration)
-            rotate_vectors(order, spin, -s * h, residuals[k])
+            rotate_vectors(order, column_spin, -s * h, residuals[k])
             places.append((start.time + s * h, q, u))
             forces.append(force)
         places.append((end.time, end.q.copy(), end.u.copy()))
@@ -153,7 +156,7 @@ class ErrorTransport:
             elapsed = time - start.time
             known_part(a, i, h, e_q, e_u, errors, known)
             force = mean + (c[i] - 0.5) * slope
-            rotate_vectors(order, spin, elapsed, force)
+            rotate_vectors(order, column_spin, elapsed, force)
             apply_stage(free, order, spin, elapsed, rate_step, model.mass, known, q, u, force)
             force += model.force(time, q, u, inputs)
             force -= forces[i]
@@ -168,15 +171,17 @@ class ErrorTransport:
         rotate_vectors(order, spin, h, u)
         return ErrorState(q, u, inside)
 
-    def _spin(self, step: Step) -> tuple[float, np.ndarray]:
-        """Return the largest angle that a column turns in a step [rad], and the axes' angular velocity of each node."""
+    def _column_spin(self, step: Step) -> tuple[float, np.ndarray]:
+        """Return the largest angle that a column turns in a step [rad], and each node's angular velocity [rad/s]."""
         columns, h = self._system.columns, step.right.time - step.left.time
         if columns is None:
             return 0.0, self._no_spin
         spin = np.empty((len(columns), 3))
         now, then = self._system.frames(step.right.q), self._system.frames(step.left.q)
-        angle = float(column_spins(now, then, columns, h, spin))
-        if not self._is_loose:
-            return angle, self._no_spin
-        spin[:] = spin.mean(axis=0)
-        return angle, spin
+        return float(column_spins(now, then, columns, h, spin)), spin
+
+    def _mean_spin(self, column_spin: np.ndarray) -> np.ndarray:
+        """Return the angular velocity of the error's axes for each node: the columns' mean, none for a held sheet."""
+        if not self._is_loose or not len(column_spin):
+            return self._no_spin
+        return np.broadcast_to(column_spin.mean(axis=0), column_spin.shape).copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ldcs_ros.integrators.base import ErrorState, Integrator, Step, StepFailure
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
 from ldcs_ros.integrators.implicit.error_kernels import INNER
+from ldcs_ros.integrators.implicit.error_outlook import ErrorOutlook
 from ldcs_ros.integrators.implicit.error_transport import ErrorTransport
 from ldcs_ros.integrators.implicit.predictor import Point, StagePredictor
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
@@ -34,8 +35,6 @@ MOST_FACTORISATIONS = 2
 TURNING_MOVE = 1e-3
 # Iterations of Newton's method where kept factors have failed.
 MOST_NEWTON = 15
-# How long a free sheet goes on with a wrong momentum [s].
-COASTING = 1.0
 # Contraction rate to expect of fresh factors, until one is measured.
 FRESH_RATE = 0.1
 # Until an iteration has measured it with these factors, no rate below this is relied on: a good first guess must not
@@ -90,14 +89,12 @@ class Dirk(Integrator):
         self._factors: Factors | None = None
         self._rate, self._measured = FRESH_RATE, False
         self._trails: tuple[StagePredictor, ...] = ()
-        self._transport = ErrorTransport(self._system)
+        self._transport, self._outlook = ErrorTransport(self._system), ErrorOutlook(self._system)
         self._stage_factors: list[Factors] = []
         self._stage_accelerations = np.empty((0, len(self.model.free)))
         self.iteration_share = ITERATION_SHARE
         self._inner_stages = [int(np.argmin(np.abs(self.tableau.c[1:] - s))) for s in INNER]
         self._updates = BroydenUpdates(self._reach)
-        # Nothing holds a sheet whose nodes are all free: it keeps errors of its momentum.
-        self._loose = self.model.is_unconstrained
         self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
         self._contact_width = min(term.contact_width for term in self.model.terms)
 
@@ -108,11 +105,13 @@ class Dirk(Integrator):
 
     @property
     def memory(self) -> Any:
-        return self._factors, self._rate, self._measured, self._trails, self._updates.memory
+        kept = self._factors, self._rate, self._measured, self._trails
+        return (*kept, self._updates.memory, self._outlook.memory)
 
     def recall(self, memory: Any) -> None:
-        self._factors, self._rate, self._measured, self._trails, updates = memory
+        self._factors, self._rate, self._measured, self._trails, updates, outlook = memory
         self._updates.recall(updates)
+        self._outlook.recall(outlook)
 
     def smooth_jump(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
         # W^-1 M: stiff parts (light links against stiff couplings) have their acceleration for microseconds only;
@@ -138,7 +137,9 @@ class Dirk(Integrator):
         if not first.rate_step == second.rate_step == last.rate_step:
             first = second = last
         factors = first.unscaled(), second.unscaled(), last.unscaled()
-        return self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
+        moved = self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
+        h = step.right.time - step.left.time
+        return replace(moved, outlook=self._outlook.distance(h, step.right, inputs, moved, self.counters))
 
     def _trail_to(self, motion: Motion) -> StagePredictor:
         """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
@@ -233,19 +234,15 @@ class Dirk(Integrator):
             filtered = self._filtered(right, inputs, defect, rate_defect, factors)
             error = min(error, self.largest_displacement(filtered))
         return Step(
-            motion, right, error, self._momentum_drift(rate_defect), self.largest_displacement(rate_defect)
+            motion, right, error, self._drift(right, rate_defect), self.largest_displacement(rate_defect)
         )
 
-    def _momentum_drift(self, rate_defect: np.ndarray) -> float:
-        """Return how far a free sheet coasts with what a step got wrong of its momentum [m]; 0 for a held one.
+    def _drift(self, right: Motion, rate_defect: np.ndarray) -> float:
+        """Return the speed that a loose sheet gets from what a step got wrong of its momenta [m/s]; 0 for a held one.
 
-        Dampers between nodes forget all errors but that one: after an impact nothing takes it away again.
+        Dampers between nodes forget all errors but that one: nothing takes it away again.
         """
-        if not self._loose:
-            return 0.0
-        n = self.model.n_free_nodes
-        momentum = (self.model.mass * rate_defect[:n]).reshape(-1, 3).sum(axis=0)
-        return COASTING * float(np.max(np.abs(momentum))) / float(self.model.mass[::3].sum())
+        return self._outlook.rigid_speed(right, rate_defect) if self.model.is_unconstrained else 0.0
 
     def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
         return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
