@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ldcs_ros.cli.arguments import CommandLineError, metres, seed
+from ldcs_ros.cli.arguments import CommandLineError, metres, seconds, seed
 from ldcs_ros.cli.output import print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
 from ldcs_ros.errors import SceneError, one_line
@@ -26,13 +27,18 @@ of the nearest rest state. --workspace draws where a point rests under commands 
 
 Shapes: sphere:radius=0.5, cylinder:radius=0.5,axis=y, saddle:radius=0.5, sine:amplitude=0.01,length=0.2,axis=x, each
 with x=, y= (its middle) and z= (its height, free without it); a positive radius is a dome. A CSV file has columns x,y,z
-(points of a surface [m]) or i,j,z (heights of nodes [m]), and weight where wanted; :z=free frees its height."""
+(points of a surface [m]) or i,j,z (heights of nodes [m]), and weight where wanted; :z=free frees its height.
+
+--trajectory follows coordinates over time instead: a CSV file with columns time,P1.y,P1.z or the like [s, m]. The run
+begins at the rest state of the scene. The result is a piecewise linear course of commands; --tolerance is its RMS."""
 EXAMPLE = """\
 ldcs reach rig --target P1.z=0.050 --vary pressure.left=0..190e3 --vary pressure.right=0..190e3
   ldcs reach three_arms --target P1.z=0.04 --target P0.z=0.012 --vary pressure.left=0..150e3 \\
       --vary pressure.middle=0..150e3 --vary pressure.right=0..150e3 --starts 8 -o reached.png --json
   ldcs reach mould --shape sphere:radius=0.5 --vary 'pressure.*=0..150e3' --bound -o dome.png
-  ldcs reach rig --workspace P1 --vary 'pressure.*=0..190e3' -o workspace.png"""
+  ldcs reach rig --workspace P1 --vary 'pressure.*=0..190e3' -o workspace.png
+  ldcs reach rig --at 2.0 --trajectory circle.csv --vary 'pressure.*=0..200e3' --slew 'pressure.*=400e3' \
+      --vary wrench.P1_aligned.force.y=-5..5 --tolerance 2e-4 --course course.csv -o course.png"""
 
 EXIT_NOT_REACHED = 1
 _TARGET = re.compile(r"^(\w+)\.([xyz])=([^*]+)(?:\*(.+))?$")
@@ -62,6 +68,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workspace", metavar="POINT", help="draw where a point rests under commands all over their bounds"
     )
     parser.add_argument(
+        "--trajectory", metavar="FILE", type=Path, help="CSV file of coordinates over time; see above"
+    )
+    parser.add_argument("--at", metavar="S", type=seconds, help="end of the course [s]; the file's last time")
+    parser.add_argument(
+        "--slew", metavar="COMMAND=RATE", action="append", default=[], help="fastest change of a command [1/s]"
+    )
+    parser.add_argument(
+        "--interval", metavar="S", type=seconds, default=0.1, help="time between the knots of a course [s]"
+    )
+    parser.add_argument(
+        "--rate", metavar="HZ", type=float, default=50.0, help="rate of the commands of a course [1/s]"
+    )
+    parser.add_argument("--course", metavar="FILE", type=Path, help="CSV file to write the course to")
+    parser.add_argument(
         "--vary",
         metavar="COMMAND=LOW..HIGH",
         action="append",
@@ -87,21 +107,91 @@ def run(arguments: argparse.Namespace) -> int:
     if not 1 <= arguments.starts <= 1000:
         raise CommandLineError(f"--starts: got {arguments.starts}, expected 1 ... 1000")
     aims = bool(arguments.targets) or arguments.shape is not None
-    if aims == (arguments.workspace is not None):
-        raise CommandLineError("reach needs --target, --shape or both, or else --workspace POINT alone")
+    if aims + (arguments.workspace is not None) + (arguments.trajectory is not None) != 1:
+        raise CommandLineError(
+            "reach needs --target, --shape or both, or else --workspace POINT or --trajectory FILE alone"
+        )
     targets = [_target(text) for text in arguments.targets]
     scene = scene_with(arguments.scene, arguments.overrides)
     simulation = scene.build()
     variables = [one for text in arguments.vary for one in _variables(text, simulation.arm_names)]
-    simulation.settle()
     try:
+        if arguments.trajectory is not None:
+            return _follow(arguments, scene, _slewed(arguments.slew, variables))
+        simulation.settle()
         if arguments.workspace is not None:
             return _workspace(arguments, scene, simulation, variables)
         return _reach(arguments, scene, simulation, targets, variables)
     except ValueError as error:
         raise SceneError(f"{scene.name}: {error}") from error
     except OSError as error:
-        raise SceneError(f"{arguments.shape}: {one_line(error)}") from error
+        raise SceneError(f"{arguments.trajectory or arguments.shape}: {one_line(error)}") from error
+
+
+def _follow(arguments: argparse.Namespace, scene: Scene, variables: list[Variable]) -> int:
+    from ldcs_ros.reach import find_course, read_trajectory
+
+    trajectory = read_trajectory(arguments.trajectory)
+    if arguments.at is not None:
+        trajectory = trajectory.until(arguments.at)
+    found = find_course(
+        scene,
+        trajectory,
+        variables,
+        interval=arguments.interval,
+        rate=arguments.rate,
+        progress=lambda text: print(f"ldcs: {text}", file=sys.stderr),
+    )
+    reached = found.rms <= arguments.tolerance
+    if arguments.course is not None:
+        table = [found.time, *found.commands.values()]
+        lines = [",".join(["time", *found.commands])]
+        lines += [",".join(f"{value:.9g}" for value in row) for row in zip(*table, strict=True)]
+        arguments.course.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if arguments.output is not None:
+        from ldcs_ros.plotting.course import course_figure
+        from ldcs_ros.plotting.style import save_figure
+
+        save_figure(course_figure(found, trajectory, scene.name), arguments.output)
+    if arguments.json:
+        print_json(
+            {
+                "scene": scene.name,
+                "reached": reached,
+                "rms": found.rms,
+                "largest": found.largest,
+                "at_limits": list(found.at_limits),
+                "steps": found.steps,
+                "time": found.time.tolist(),
+                "commands": {name: values.tolist() for name, values in found.commands.items()},
+            }
+        )
+        return 0 if reached else EXIT_NOT_REACHED
+    ranges = [(name, f"{values.min():.6g} to {values.max():.6g}") for name, values in found.commands.items()]
+    held = f"; held by limits: {', '.join(found.at_limits)}" if found.at_limits else ""
+    print_pairs(
+        [
+            *ranges,
+            ("distance", f"RMS {1e3 * found.rms:.3g} mm, largest {1e3 * found.largest:.3g} mm{held}"),
+            ("course", f"{len(found.time)} knots, {found.steps} Gauss-Newton steps"),
+        ]
+    )
+    return 0 if reached else EXIT_NOT_REACHED
+
+
+def _slewed(texts: list[str], variables: list[Variable]) -> list[Variable]:
+    for text in texts:
+        name, _, rate = text.partition("=")
+        kind = name.removesuffix("*")
+        try:
+            slew = float(rate)
+        except ValueError:
+            slew = 0.0
+        named = [one for one in variables if one.name == name or (kind != name and one.name.startswith(kind))]
+        if not slew > 0.0 or not named:
+            raise CommandLineError(f"--slew: got '{text}', expected a varied command and its rate, pressure.*=400e3")
+        variables = [replace(one, slew=slew) if one in named else one for one in variables]
+    return variables
 
 
 def _reach(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -54,11 +55,13 @@ class Variable:
         name: `pressure.left`, `torque.left`, `torque.left_joint_2`, `wrench.P1.force.z`.
         low: Its smallest value [Pa, N m or N].
         high: Its largest value.
+        slew: Its fastest change, in a course [Pa/s, N m/s or N/s].
     """
 
     name: str
     low: float
     high: float
+    slew: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,8 +31,25 @@ RELATIVE_STEP = 1e-4
 _START = re.compile(r"^start\.(position|velocity)\.(?:mode_(\d+)|(\w+)\.([xyz]))$")
 
 
+@dataclass(frozen=True)
+class CommandProfile:
+    """A change of one command over a run, by which the run is differentiated.
+
+    Attributes:
+        name: Its name.
+        command: `pressure.left`, `torque.left_joint_2`, `wrench.P1.force.z`.
+        time: Times at which the change takes another value, those of scheduled commands [s], rising.
+        amplitude: Change from each time on, per unit of the profile, same length.
+    """
+
+    name: str
+    command: str
+    time: tuple[float, ...]
+    amplitude: tuple[float, ...]
+
+
 class CommandColumns:
-    """Commands that are higher by one unit: for the whole run, or from one time of the schedule to the next.
+    """Commands that are higher: for the whole run, from one time of the schedule to the next, or by a profile.
 
     The force is linear in commands. A chamber follows its target by a first-order lag, solved exactly, so its
     pressure has a tangent of its own.
@@ -40,7 +57,7 @@ class CommandColumns:
     Args:
         at: The start of the run.
         schedule: The commands to come.
-        names: `pressure.left` for the whole run, `pressure.left@0.8` for the command of 0.8 s.
+        commands: `pressure.left` for the whole run, `pressure.left@0.8` for the command of 0.8 s, or a profile.
         dead_time: Dead time of each arm's valve [s].
         settled: The run starts at rest under its commands.
 
@@ -56,40 +73,32 @@ class CommandColumns:
         self,
         at: OperatingPoint,
         schedule: Sequence[ScheduledCommand],
-        names: Sequence[str],
+        commands: Sequence[str | CommandProfile],
         dead_time: Sequence[float],
         *,
         settled: bool,
     ) -> None:
         self._model = at.model
-        self.names: tuple[str, ...] = ()
-        self.units: tuple[str, ...] = ()
-        self._channels: list[CommandDirection] = []
-        channel, chamber, on, off = [], [], [], []
-        for name in names:
-            kind, time = name, -math.inf
-            if "@" in name:
-                kind, _, text = name.partition("@")
-                time = _time(name, text)
-            for one in command_directions(at, kind):
-                known = [c.name for c in self._channels]
-                if one.name not in known:
-                    self._channels.append(one)
-                    known.append(one.name)
-                channel.append(known.index(one.name))
-                is_pressure = one.name.startswith("pressure.")
-                arm = at.arm_names.index(one.name.partition(".")[2]) if is_pressure else -1
-                delay = dead_time[arm] if is_pressure else 0.0
-                chamber.append(arm)
-                begin, end = (
-                    (-math.inf, math.inf) if "@" not in name else _interval(schedule, one.name, name, time)
-                )
-                on.append(begin + delay)
-                off.append(end + delay)
-                self.names += (one.name if "@" not in name else f"{one.name}@{time:.12g}",)
-                self.units += (one.unit,)
-        self._channel, self._chamber = np.array(channel, dtype=int), np.array(chamber, dtype=int)
-        self._on, self._off = np.array(on), np.array(off)
+        profiles = [one for command in commands for one in _profiles(at, schedule, command)]
+        self.names = tuple(profile.name for profile, _ in profiles)
+        self.units = tuple(one.unit for _, one in profiles)
+        self._channels = list({one.name: one for _, one in profiles}.values())
+        known = [one.name for one in self._channels]
+        self._channel = np.array([known.index(one.name) for _, one in profiles], dtype=int)
+        pressures = [one.name.startswith("pressure.") for _, one in profiles]
+        self._chamber = np.array(
+            [
+                at.arm_names.index(one.name.partition(".")[2]) if is_pressure else -1
+                for (_, one), is_pressure in zip(profiles, pressures, strict=True)
+            ],
+            dtype=int,
+        )
+        delay = np.append(dead_time, 0.0)[self._chamber]
+        self._profiles = [
+            (np.array(profile.time) + late, np.array((0.0, *profile.amplitude)))
+            for (profile, _), late in zip(profiles, delay, strict=True)
+        ]
+        self._on = np.array([time[0] for time, _ in self._profiles])
         # Chambers of a settled start have their commanded pressure.
         self._pressure = np.where(settled & np.isneginf(self._on), 1.0, 0.0)
         self._target = np.zeros(len(self._on))
@@ -105,8 +114,12 @@ class CommandColumns:
         """Begin a step at a time [s] with the commands that act during it."""
         self._pressure = self._amplitude(time)
         self._time, self._held = time, held
-        acts = (self._on <= time + TIME_TOLERANCE) & (time + TIME_TOLERANCE < self._off)
-        self._target = acts.astype(float)
+        self._target = np.array(
+            [
+                amplitude[np.searchsorted(times, time + TIME_TOLERANCE, side="right")]
+                for times, amplitude in self._profiles
+            ]
+        )
         constants = np.array([*(chamber.time_constant for chamber in held.chambers), 0.0])
         with np.errstate(divide="ignore"):
             self._rate = 1.0 / constants[self._chamber]
@@ -350,9 +363,27 @@ def _of_node(model: Model, name: str, node: str, axis: str) -> np.ndarray:
     return column
 
 
-def is_command(name: str) -> bool:
+def is_command(name: str | CommandProfile) -> bool:
     """Return whether a name is that of a command."""
-    return name.partition(".")[0] in KINDS
+    return isinstance(name, CommandProfile) or name.partition(".")[0] in KINDS
+
+
+def _profiles(
+    at: OperatingPoint, schedule: Sequence[ScheduledCommand], command: str | CommandProfile
+) -> list[tuple[CommandProfile, CommandDirection]]:
+    if isinstance(command, CommandProfile):
+        (one,) = command_directions(at, command.command)
+        return [(command, one)]
+    kind, at_time, text = command.partition("@")
+    found = []
+    for one in command_directions(at, kind):
+        if at_time:
+            begin, end = _interval(schedule, one.name, command, _time(command, text))
+            profile = CommandProfile(f"{one.name}@{begin:.12g}", one.name, (begin, end), (1.0, 0.0))
+        else:
+            profile = CommandProfile(one.name, one.name, (-math.inf,), (1.0,))
+        found.append((profile, one))
+    return found
 
 
 def _time(name: str, text: str) -> float:

@@ -12,15 +12,22 @@ from ldcs_ros.integrators.base import Step
 from ldcs_ros.integrators.control import LOCAL_SHARE, MOST_GROWTH, SAFETY
 from ldcs_ros.integrators.esdirk43 import Esdirk43
 from ldcs_ros.integrators.implicit.tangents import Tangents, TangentSteps
+from ldcs_ros.physics.effects.wrench import ALIGNED
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.command_directions import AXES
 from ldcs_ros.simulation.follower import Followed
 from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
-from ldcs_ros.simulation.run_parameters import CommandColumns, NumberColumn, StartColumns, is_command
+from ldcs_ros.simulation.run_parameters import (
+    CommandColumns,
+    CommandProfile,
+    NumberColumn,
+    StartColumns,
+    is_command,
+)
 from ldcs_ros.simulation.scene_number import SceneNumber
-from ldcs_ros.simulation.sensitivity import positions
+from ldcs_ros.simulation.sensitivity import position_slopes, positions
 
 # Accuracy of a scene with fixed steps [m].
 USUAL_ACCURACY = 1e-5
@@ -76,7 +83,7 @@ def run_sensitivity(
     branch: Callable[[float], Followed],
     time: Sequence[float],
     of: Sequence[str],
-    to: Sequence[str],
+    to: Sequence[str | CommandProfile],
     *,
     settled: bool,
     with_error: bool,
@@ -138,7 +145,7 @@ class TangentRun:
         simulation: Followed,
         times: np.ndarray,
         of: Sequence[str],
-        to: Sequence[str],
+        to: Sequence[str | CommandProfile],
         *,
         settled: bool,
         tight: bool = False,
@@ -157,7 +164,8 @@ class TangentRun:
         own_start = at.time == 0.0 and np.array_equal(at.q, model.reference_state()[0])
         fresh = (own_start or settled) and not inputs.overridden
         commands = [name for name in to if is_command(name)]
-        if inputs.overridden and any("@" in name for name in commands):
+        others = [name for name in to if isinstance(name, str) and not is_command(name)]
+        if inputs.overridden and any(isinstance(one, CommandProfile) or "@" in one for one in commands):
             raise ValueError("commands of the schedule: got a simulation that was commanded otherwise")
         each = () if model.arms is None else model.arms.each
         dead_times = [own.dead_time for own in each]
@@ -172,10 +180,10 @@ class TangentRun:
                 time=at.time,
                 settled=settled,
             )
-            for name in to
-            if not is_command(name) and not name.startswith("start.")
+            for name in others
+            if not name.startswith("start.")
         ]
-        starts = StartColumns(at, [name for name in to if name.startswith("start.")])
+        starts = StartColumns(at, [name for name in others if name.startswith("start.")])
         groups = [
             list(zip(self._commands.names, self._commands.units, strict=True)),
             [(column.name, column.unit) for column in self._numbers],
@@ -254,6 +262,17 @@ class TangentRun:
         """Carry the tangents over a step; return the longest step that they allow [s]."""
         left, before = step.left, self.tangents
         h = step.right.time - left.time
+        turning = [
+            name
+            for name, one in held.wrenches.items()
+            if not name.endswith(ALIGNED) and any(one.force + one.torque)
+        ]
+        if turning:
+            # Its Jacobian leaves the turning out, which iterations may and derivatives may not.
+            raise ValueError(
+                f"the wrench at {turning[0]} turns with the sheet, expected one at {turning[0]}{ALIGNED} in a run "
+                "with derivatives"
+            )
         self._commands.enter(left.time, held)
         for number in self._numbers:
             number.enter(left.time)
@@ -315,17 +334,17 @@ class TangentRun:
         self.places[row] = positions(self._places, q)
         whole = np.zeros((len(q), moved.shape[1]))
         whole[self._model.free] = moved
-        by = np.stack([positions(self._places, column) for column in whole.T], axis=1)
+        by = position_slopes(self._places, whole)
         for k, column in enumerate(self._numbers, self._n_commands):
             by[:, k] += column.explicit(time, q)
         self.values[row] = by[:, self._order]
 
 
-def _rank(name: str, to: Sequence[str]) -> tuple[int, str]:
+def _rank(name: str, to: Sequence[str | CommandProfile]) -> int:
     for k, asked in enumerate(to):
-        kind, _, time = asked.partition("@")
-        own, _, when = name.partition("@")
-        same_time = (not time and not when) or (time and when and float(time) == float(when))
+        kind, _, time = asked.partition("@") if isinstance(asked, str) else (asked.name, "", "")
+        own, _, when = name.partition("@") if isinstance(asked, str) else (name, "", "")
+        same_time = float(time) == float(when) if time and when else time == when
         if same_time and (own == kind or own.startswith(f"{kind}.")):
-            return k, name
-    return len(to), name
+            return k
+    return len(to)

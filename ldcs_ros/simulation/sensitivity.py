@@ -128,3 +128,13 @@ def positions(places: Sequence[Point], flat: np.ndarray) -> np.ndarray:
     last = max(int(point.nodes.max()) for point in places) + 1
     nodes = flat[: 3 * last].reshape(-1, 3)
     return np.concatenate([point.position(nodes) for point in places])
+
+
+def position_slopes(places: Sequence[Point], moves: np.ndarray) -> np.ndarray:
+    """Return how places move with coordinates that move, shape (3 n, k).
+
+    Args:
+        places: The places.
+        moves: Derivatives of all coordinates by k numbers, shape (n_coordinates, k).
+    """
+    return np.stack([positions(places, column) for column in moves.T], axis=1)

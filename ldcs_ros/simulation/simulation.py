@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ldcs_ros.simulation.command_directions import OperatingPoint
     from ldcs_ros.simulation.equilibrium import Equilibrium
     from ldcs_ros.simulation.linear_model import LinearModel
+    from ldcs_ros.simulation.run_parameters import CommandProfile
     from ldcs_ros.simulation.run_sensitivity import RunSensitivity
     from ldcs_ros.simulation.sensitivity import StaticSensitivity
     from ldcs_ros.simulation.stability import Stability
@@ -391,7 +392,7 @@ class Simulation:
         self,
         time: Sequence[float],
         of: Sequence[str],
-        to: Sequence[str],
+        to: Sequence[str | CommandProfile],
         *,
         settled: bool = False,
         with_error: bool = True,
@@ -405,8 +406,9 @@ class Simulation:
             time: Times at which the derivatives are wanted [s], rising, the present time or later.
             of: Points or `node_<layer>_<i>_<j>`.
             to: Commands as of `sensitivity`, higher for the whole run; with `@0.8` the scheduled command of 0.8 s,
-                until the next one of its kind. Paths of the scene, also `inputs[1].pressure`. `start.position.mode_1`,
-                `start.velocity.node_top_8_4.z`: coordinates and rates at the start, of a natural mode or a node.
+                until the next one of its kind; or a profile. Paths of the scene, also `inputs[1].pressure`.
+                `start.position.mode_1`, `start.velocity.node_top_8_4.z`: coordinates and rates at the start, of a
+                natural mode or a node.
             settled: The run begins at a rest state, which moves with the numbers. Otherwise the present state is kept,
                 unless it is the scene's own start.
             with_error: State an error of each derivative, by a second run at ten times the accuracy.

@@ -136,7 +136,7 @@ def solve_stage(
     right: np.ndarray,
     guess: np.ndarray,
     weight: np.ndarray,
-    allowed: np.ndarray,
+    relative: float,
 ) -> np.ndarray:
     """Return the solution of W x = right for many right sides, by GMRES with kept factors of a nearby matrix.
 
@@ -146,7 +146,7 @@ def solve_stage(
         right: Right sides, shape (n, k).
         guess: First guess, shape (n, k).
         weight: Weight of each coordinate's square in norms, shape (n,).
-        allowed: Norm of the error that each column may keep, shape (k,).
+        relative: Error that each column may keep, relative to its norm.
     """
     first = factors.solve(right - matrix @ guess)
     n, k = first.shape
@@ -156,6 +156,8 @@ def solve_stage(
     basis[0] = first
     known[0] = np.sqrt(np.einsum("n,nk,nk->k", weight, first, first))
     basis[0] /= np.where(known[0] > 0.0, known[0], 1.0)
+    # A column that begins has a guess of zero: the first correction is the size of its solution.
+    allowed = relative * np.maximum(np.sqrt(np.einsum("n,nk,nk->k", weight, guess, guess)), known[0])
     for count in range(MOST_DIRECTIONS):
         if (np.abs(known[count]) <= allowed).all():
             return guess + _combined(basis, hessenberg, known, count)

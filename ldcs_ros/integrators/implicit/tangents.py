@@ -144,8 +144,7 @@ class TangentSteps:
             known_u = start.u + np.tensordot(row, bends[:i], 1)
             right = forces(time, q, u, stages[i]) + by_q @ (known_q + rate_step * known_u) + by_u @ known_u
             guess = self._guess(bends, tableau.c, i)
-            size = np.sqrt(np.einsum("n,nk,nk->k", weight, guess, guess))
-            bends[i] = solve_stage(matrix, factors[i - 1], right, guess, weight, solved * size)
+            bends[i] = solve_stage(matrix, factors[i - 1], right, guess, weight, solved)
             rates[i] = known_u + rate_step * bends[i]
             end_q = known_q + rate_step * rates[i]
         end = Tangents(end_q, rates[-1], bends[-1])
