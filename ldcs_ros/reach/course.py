@@ -251,7 +251,8 @@ class _CourseProblem:
 
     def _commands(self, values: np.ndarray) -> np.ndarray:
         """Return the values of the variables at the knots, shape (n_knots, n_variables)."""
-        return np.vstack([self._present, self._low + values * self._range])
+        # Rounding must not pass a limit of the scene.
+        return np.vstack([self._present, self._low + np.clip(values, 0.0, 1.0) * self._range])
 
     def _schedule(self, values: np.ndarray) -> tuple[dict[str, object], ...]:
         held = self._hats @ self._commands(values)

@@ -29,8 +29,8 @@ CONTENT = {
 def trajectory(tmp_path):
     simulation = load_scene(CONTENT).build()
     simulation.settle()
-    time = np.linspace(0.0, 0.8, 9)
-    rise = 0.004 * (1.0 - np.cos(np.pi * time / 0.8))
+    time = np.linspace(0.0, 0.4, 5)
+    rise = 0.002 * (1.0 - np.cos(np.pi * time / 0.4))
     path = tmp_path / "targets.csv"
     rows = [f"{t:.9g},{simulation.pose('P1')[0][2] + z:.9g}" for t, z in zip(time, rise, strict=True)]
     path.write_text("time,P1.z\n" + "\n".join(rows) + "\n")
@@ -39,8 +39,8 @@ def trajectory(tmp_path):
 
 def test_a_point_follows_a_trajectory_within_limits(trajectory):
     variables = [Variable(f"pressure.{arm}", 80e3, 180e3, 200e3) for arm in ("left", "right")]
-    found = find_course(load_scene(CONTENT), read_trajectory(trajectory), variables, interval=0.2, rate=12.5)
-    assert found.rms < 2e-4 < 1e-3 < np.ptp(read_trajectory(trajectory).value)
+    found = find_course(load_scene(CONTENT), read_trajectory(trajectory), variables, interval=0.2, rate=10.0)
+    assert found.rms < 3e-4 < 3e-3 < np.ptp(read_trajectory(trajectory).value)
     for values in found.commands.values():
         assert values[0] == 100e3
         assert values.min() >= 80e3 - 1e-3 and values.max() <= 180e3 + 1e-3
@@ -51,7 +51,7 @@ def test_a_point_follows_a_trajectory_within_limits(trajectory):
     rest.settle()
     simulation.inputs.settle()
     simulation.start_from(rest.state.position, link_angle=rest.state.link_angle)
-    simulation.advance_to(0.8)
+    simulation.advance_to(0.4)
     assert simulation.pose("P1")[0][2] == pytest.approx(found.reached[-1, 0], abs=1e-5)
 
 
