@@ -35,6 +35,9 @@ test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, the
 	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && $(if $(PYTEST),exec $(BIN)/python -m pytest $(PYTEST), \
 		$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(addprefix --ignore=,$(TIMED)) && exec $(BIN)/python -m pytest $(TIMED))
 
+reduced: setup  ## train the reduced model of the rig and measure it on 200 held-out runs: RUNS=30 for fewer
+	@$(BIN)/python tools/reduced_figures.py $(RUNS)
+
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench
 
@@ -135,4 +138,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test bench reduced lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
