@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ldcs_ros.integrators.base import Counters, ErrorState
@@ -35,11 +33,11 @@ class ErrorOutlook:
         self._uses = 0
 
     @property
-    def memory(self) -> Any:
+    def memory(self) -> tuple[Factors | None, int]:
         """What the next call depends on; hand it to `recall`."""
         return self._factors, self._uses
 
-    def recall(self, memory: Any) -> None:
+    def recall(self, memory: tuple[Factors | None, int]) -> None:
         """Take back a `memory`."""
         self._factors, self._uses = memory
 
