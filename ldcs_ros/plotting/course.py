@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ldcs_ros.plotting.style import INK, LINE_COLOURS, SCREEN, FigureStyle, add_title, new_figure, style_axes
-from ldcs_ros.reach.course import Course, Trajectory
+from ldcs_ros.reach.course import CommandCourse, Trajectory
 
 MM = 1e3
 
 
-def course_figure(found: Course, trajectory: Trajectory, title: str, style: FigureStyle = SCREEN) -> Figure:
+def course_figure(found: CommandCourse, trajectory: Trajectory, title: str, style: FigureStyle = SCREEN) -> Figure:
     """Draw the first two coordinates against each other, then the commands over time.
 
     Args:

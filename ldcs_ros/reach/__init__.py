@@ -5,14 +5,14 @@ targets, bounds -> Gauss-Newton steps with bounds <-> rest states and their sens
 
 from __future__ import annotations
 
-from ldcs_ros.reach.course import Course, Trajectory, find_course, read_trajectory
+from ldcs_ros.reach.course import CommandCourse, Trajectory, find_course, read_trajectory
 from ldcs_ros.reach.free_arms import free_arms
 from ldcs_ros.reach.reach import Reached, TargetCoordinate, Variable, reach
 from ldcs_ros.reach.shapes import ShapeTarget, shape_target
 from ldcs_ros.reach.workspace import Workspace, workspace
 
 __all__ = [
-    "Course",
+    "CommandCourse",
     "Reached",
     "ShapeTarget",
     "TargetCoordinate",

@@ -49,7 +49,7 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class Course:
+class CommandCourse:
     """A course of commands.
 
     Attributes:
@@ -112,7 +112,7 @@ def find_course(
     interval: float = 0.1,
     rate: float = 50.0,
     progress: Callable[[str], None] = lambda text: None,
-) -> Course:
+) -> CommandCourse:
     """Return the course of commands under which places follow a trajectory, within bounds and slew rates.
 
     The run begins at the rest state under the scene's commands. Gauss-Newton steps with the tangents of the run, the
@@ -173,7 +173,7 @@ class _CourseProblem:
         self._weight = np.array([target.weight for target in trajectory.coordinates])
         self._asked = np.isfinite(trajectory.value)
 
-    def solve(self, progress: Callable[[str], None]) -> Course:
+    def solve(self, progress: Callable[[str], None]) -> CommandCourse:
         """Go down from the rest states at the targets."""
         # Fractions of the ranges at the knots after the first, shape (n_knots - 1, n_variables).
         values = self._limited(self._first_guess())
@@ -313,7 +313,7 @@ class _CourseProblem:
     def _rms(self, residual: np.ndarray) -> float:
         return float(np.sqrt(np.sum(residual**2) / len(self._of)))
 
-    def _result(self, values: np.ndarray, steps: int) -> Course:
+    def _result(self, values: np.ndarray, steps: int) -> CommandCourse:
         simulation = self._at_rest(values)
         reached = np.empty((len(self._trajectory.time), len(self._rows)))
         for row, time in enumerate(self._trajectory.time):
@@ -340,7 +340,7 @@ class _CourseProblem:
             or values[:, k].max() > 1.0 - near
             or rates[:, k].max() > (1.0 - near) * variable.slew
         ]
-        return Course(
+        return CommandCourse(
             self.knots,
             {variable.name: commands[:, k] for k, variable in enumerate(self._variables)},
             self._schedule(values),

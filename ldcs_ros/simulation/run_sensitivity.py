@@ -262,15 +262,15 @@ class TangentRun:
         """Carry the tangents over a step; return the longest step that they allow [s]."""
         left, before = step.left, self.tangents
         h = step.right.time - left.time
-        turning = [
+        rotating = [
             name
             for name, one in held.wrenches.items()
             if not name.endswith(ALIGNED) and any(one.force + one.torque)
         ]
-        if turning:
-            # Its Jacobian leaves the turning out, which iterations may and derivatives may not.
+        if rotating:
+            # Its Jacobian leaves the rotating out, which iterations may and derivatives may not.
             raise ValueError(
-                f"the wrench at {turning[0]} turns with the sheet, expected one at {turning[0]}{ALIGNED} in a run "
+                f"the wrench at {rotating[0]} turns with the sheet, expected one at {rotating[0]}{ALIGNED} in a run "
                 "with derivatives"
             )
         self._commands.enter(left.time, held)
