@@ -85,10 +85,20 @@ def stiffness_and_damping(
     rows, columns = model.jacobian_pattern
     used = (rows >= 0) & (columns >= 0)
     size = len(model.free)
-    return tuple(
+    by_q, by_u = (
         sparse.csc_matrix((values[used], (rows[used], columns[used])), shape=(size, size))
         for values in model.jacobian(time, q, u, held, positive_definite=False)
     )
+    if model.wrench is not None and held.wrenches:
+        # The model's own Jacobian serves iterations and leaves out how wrenches turn.
+        turning, slope = model.wrench.position_slope(q, held)
+        place = np.full(model.n_coordinates, -1)
+        place[model.free] = np.arange(size)
+        used = place[turning] >= 0
+        added = sparse.lil_matrix((size, size))
+        added[:, place[turning[used]]] = slope[np.ix_(model.free, used)]
+        by_q = (by_q + added).tocsc()
+    return by_q, by_u
 
 
 def mass_matrix(model: Model, q: np.ndarray) -> sparse.csc_matrix:

@@ -265,13 +265,13 @@ class TangentRun:
         rotating = [
             name
             for name, one in held.wrenches.items()
-            if not name.endswith(ALIGNED) and any(one.force + one.torque)
+            if any(one.torque) or (any(one.force) and not name.endswith(ALIGNED))
         ]
         if rotating:
             # Its Jacobian leaves the rotating out, which iterations may and derivatives may not.
             raise ValueError(
-                f"the wrench at {rotating[0]} turns with the sheet, expected one at {rotating[0]}{ALIGNED} in a run "
-                "with derivatives"
+                f"the wrench at {rotating[0]} turns with the sheet, expected a force alone, with axes of ldcs_base "
+                f"({rotating[0].removesuffix(ALIGNED)}{ALIGNED}), in a run with derivatives"
             )
         self._commands.enter(left.time, held)
         for number in self._numbers:

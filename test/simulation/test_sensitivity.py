@@ -183,3 +183,31 @@ def test_the_linear_model_goes_to_scipy(settled):
     assert len(linear.modes) == 3 and np.isclose(
         np.linalg.norm(linear.modes[0][:150].reshape(-1, 3), axis=1).max(), 1.0
     )
+
+
+@pytest.mark.parametrize(
+    ("frame", "wrench"),
+    [
+        ("P1", {"force": (0.05, 0.02, 0.4)}),
+        ("P1", {"torque": (0.004, 0.006, 0.002)}),
+        ("P1_aligned", {"torque": (0.004, 0.006, 0.002)}),
+    ],
+)
+def test_a_wrench_that_turns_with_the_sheet_counts_in_the_derivatives(frame, wrench):
+    def places(mass, pressure):
+        simulation = load_scene(CONTENT).edited({"effects.payload.mass": mass}).build()
+        simulation.inputs.set_pressure(pressure)
+        simulation.inputs.set_wrench(frame, **wrench)
+        simulation.settle()
+        return simulation
+
+    def difference(*steps):
+        ends = [places(0.04 + s * steps[0], 100e3 + s * steps[1]).pose("P1")[0] for s in (1.0, -1.0)]
+        return 0.5 * (ends[0] - ends[1])
+
+    found = places(0.04, 100e3).sensitivity(of=["P1"], to=["effects.payload.mass", "pressure.left"])
+    np.testing.assert_allclose(found.values[:, 0], difference(1e-5, 0.0) / 1e-5, rtol=2e-5, atol=1e-7)
+    both = (
+        places(0.04, 100e3).sensitivity(of=["P1"], to=["pressure.left", "pressure.right"]).values.sum(axis=1)
+    )
+    np.testing.assert_allclose(both, difference(0.0, 50.0) / 50.0, rtol=2e-5, atol=1e-12)
