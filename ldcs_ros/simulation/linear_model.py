@@ -91,12 +91,12 @@ def stiffness_and_damping(
     )
     if model.wrench is not None and held.wrenches:
         # The model's own Jacobian serves iterations and leaves out how wrenches turn.
-        turning, slope = model.wrench.position_slope(q, held)
+        rotating, slope = model.wrench.position_slope(q, held)
         place = np.full(model.n_coordinates, -1)
         place[model.free] = np.arange(size)
-        used = place[turning] >= 0
+        used = place[rotating] >= 0
         added = sparse.lil_matrix((size, size))
-        added[:, place[turning[used]]] = slope[np.ix_(model.free, used)]
+        added[:, place[rotating[used]]] = slope[np.ix_(model.free, used)]
         by_q = (by_q + added).tocsc()
     return by_q, by_u
 

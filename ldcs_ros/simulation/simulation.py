@@ -15,26 +15,22 @@ from ldcs_ros.errors import CommandError, SceneError, SolverError
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
-from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.model import Model, Motion
-from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.state import State
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.follower import StepFollower
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
+from ldcs_ros.simulation.readable import ReadableSimulation
 from ldcs_ros.simulation.statistics import Statistics
 from ldcs_ros.simulation.threads import one_thread
 
 if TYPE_CHECKING:
     # Loaded when they are asked for.
-    from ldcs_ros.simulation.command_directions import OperatingPoint
     from ldcs_ros.simulation.equilibrium import Equilibrium
-    from ldcs_ros.simulation.linear_model import LinearModel
     from ldcs_ros.simulation.run_parameters import CommandProfile
     from ldcs_ros.simulation.run_sensitivity import RunSensitivity
-    from ldcs_ros.simulation.sensitivity import StaticSensitivity
     from ldcs_ros.simulation.stability import Stability
     from ldcs_ros.tables.run import Run
 
@@ -43,7 +39,7 @@ DEFAULT_INTEGRATOR = "esdirk43"
 RETAKEN = 0.8
 
 
-class Simulation:
+class Simulation(ReadableSimulation):
     """The twin of one scene.
 
     Integration steps follow the motion, not the caller: `advance_to` integrates past the asked time if that
@@ -242,55 +238,6 @@ class Simulation:
         """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
         return self._step
 
-    @property
-    def lattice(self) -> Lattice:
-        """The lattice."""
-        return self.scene.lattice
-
-    @property
-    def points(self) -> dict[str, Point]:
-        """The scene's named points."""
-        return self.scene.points
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects that were built."""
-        return tuple(effect.name for effect in self.model.effects)
-
-    @property
-    def arm_names(self) -> tuple[str, ...]:
-        """Names of the arms in the order of the scene; () without arms."""
-        return self.model.arms.names if self.model.arms is not None else ()
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the arms' joints in the order of the scene, base to tip; () without arms."""
-        if self.model.arms is None:
-            return ()
-        pairs = zip(self.arm_names, self.model.arms.links, strict=True)
-        return tuple(f"{arm}_joint_{k}" for arm, links in pairs for k in range(1, links + 1))
-
-    @property
-    def joint_index(self) -> np.ndarray:
-        """Index of each joint of `joint_names` in a flattened array of shape (n_arms, n_links), shape (n_joints,)."""
-        return np.zeros(0, dtype=int) if self.model.arms is None else np.flatnonzero(self.model.arms.used)
-
-    @property
-    def joint_torque(self) -> np.ndarray:
-        """Present drive torque of each joint [N m], shape (n_arms, n_links)."""
-        if self.model.arms is None:
-            return np.zeros((0, 0))
-        return self.model.arms.drive_torque(self.time, self.inputs.held())
-
-    def pose(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and orientation (unit quaternion x, y, z, w) of a point or `node_<layer>_<i>_<j>`."""
-        return point_at(self.lattice, name, self.points).pose(self.state.position)
-
-    def energy(self) -> tuple[float, float]:
-        """Return the kinetic and the potential (elastic and gravitational) energy [J]."""
-        motion = self.motion()
-        return self.model.kinetic_energy(motion.q, motion.u), self.model.potential_energy(self.time, motion.q)
-
     def settle(self, *, follow: bool = False) -> Stability:
         """Move to an equilibrium: schedule and smooth rises done, chambers filled, all forces in balance.
 
@@ -345,49 +292,6 @@ class Simulation:
             self.reset(before)
             raise
 
-    def operating_point(self) -> OperatingPoint:
-        """Return the model at the present state with its commands, for derivatives."""
-        from ldcs_ros.simulation.command_directions import OperatingPoint, constant_pressure
-
-        motion, held = self.motion(), self.inputs.held()
-        pressure = self.inputs.chamber_pressure(self.time)
-        commanded = pressure if self.inputs.pressure is None else self.inputs.pressure
-        now, later = (
-            replace(held, chambers=tuple(map(constant_pressure, values, held.chambers)))
-            for values in (pressure, commanded)
-        )
-        return OperatingPoint(
-            self.scene,
-            self.model,
-            self.time,
-            motion.q,
-            motion.u,
-            now,
-            later,
-            self.arm_names,
-            self.joint_names,
-            self.joint_index,
-        )
-
-    def sensitivity(self, of: Sequence[str], to: Sequence[str]) -> StaticSensitivity:
-        """Return how places move at rest with commands and numbers of the scene [m per SI unit].
-
-        The equilibrium near the present state counts; the simulation stays as it is.
-
-        Args:
-            of: Points or `node_<layer>_<i>_<j>`.
-            to: `pressure.<arm>`, `torque.<arm>`, `torque.<joint>`, `wrench.<frame>.force`, or a path of the scene such
-                as `effects.payload.mass`.
-
-        Raises:
-            ValueError: There is no such place or number.
-            DivergenceError: No equilibrium was found.
-        """
-        from ldcs_ros.simulation.sensitivity import sensitivity
-
-        with one_thread():
-            return sensitivity(self.operating_point(), of, to)
-
     def run_sensitivity(
         self,
         time: Sequence[float],
@@ -435,13 +339,6 @@ class Simulation:
         """Have every step from now on followed; the follower's own errors take the place of a transported one."""
         self._follower = follower
         self._pace = replace(self._pace, errors=())
-
-    def linearize(self, modes: int = 12) -> LinearModel:
-        """Return the linear model around the present state, with its lowest natural modes."""
-        from ldcs_ros.simulation.linear_model import linearize
-
-        with one_thread():
-            return linearize(self.operating_point(), modes)
 
     # -- inside
     # ---------------------------------------------------------------------------------------------------
