@@ -33,7 +33,8 @@ TIMED := $(wildcard $(TIMED))
 # Types are checked against the wheels of ROS 2; a distribution's own rclpy has others, or none.
 test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the whole test suite: PYTEST='-k word'
 	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && $(if $(PYTEST),exec $(BIN)/python -m pytest $(PYTEST), \
-		$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(addprefix --ignore=,$(TIMED)) && exec $(BIN)/python -m pytest $(TIMED))
+		$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(addprefix --ignore=,$(TIMED)); untimed=$$?; \
+		$(BIN)/python -m pytest $(TIMED) && exit $$untimed)
 
 reduced: setup  ## train the reduced model of the rig and measure it on 200 held-out runs: RUNS=30 for fewer
 	@$(BIN)/python tools/reduced_figures.py $(RUNS)
@@ -138,4 +139,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test bench reduced lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test reduced bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

@@ -95,6 +95,8 @@ def follow(simulation: Simulation, profile: DriveProfile) -> None:
             type(pushed).add_force(pushed, time, q, u, HeldCommands(wrenches=now), force)
 
         pushed.add_force = add_force
+        # The term is asked for its force only while a wrench is commanded; how large it is, the profile says.
+        simulation.inputs.set_wrench(PUSHED_NODE, force=(0.0, 0.0, 0.0))
         return
     term: Any = simulation.model.arms
     arms, shape = term.arms, (2, term.n_links)
