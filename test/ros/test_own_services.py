@@ -156,8 +156,8 @@ def test_a_scene_is_loaded_paused_when_the_twin_is_paused(start):
 
 def test_the_service_files_are_those_that_are_built():
     folder = Path(__file__).parents[2] / "msg_defs" / "srv"
-    assert sorted(path.stem for path in folder.glob("*.srv")) == ["Advance", "ApplyWrench", "LoadScene"]
-    for name in ("Advance", "ApplyWrench", "LoadScene"):
+    assert sorted(path.stem for path in folder.glob("*.srv")) == ["Advance", "ApplyWrench", "LoadScene", "Reach"]
+    for name in ("Advance", "ApplyWrench", "LoadScene", "Reach"):
         fields = getattr(srv, name).Request.get_fields_and_field_types()
         text = (folder / f"{name}.srv").read_text().split("---")[0]
         assert [line.split()[1] for line in text.splitlines() if line and line[0] != "#"] == list(fields)

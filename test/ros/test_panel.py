@@ -33,17 +33,22 @@ PANEL = [
 @pytest.mark.timeout(120)
 def test_the_panel_drives_pushes_pauses_and_records(start, tmp_path):
     node, _ = start(with_user=False, scene="rig")
+    log = tmp_path / "panel.log"
+    stream = open(log, "w")  # noqa: SIM115  # of the process
     process = subprocess.Popen(
         [*PANEL, "--record", str(tmp_path / "bags")],
         env={**os.environ, "ROS_DOMAIN_ID": str(node.domain)},
         stdout=subprocess.PIPE,
+        stderr=stream,
         text=True,
         start_new_session=True,
     )
+    stream.close()
     try:
         address = urlsplit(json.loads(process.stdout.readline())["url"])
 
         def ask(method, path, body=None):
+            assert process.poll() is None, log.read_text()
             connection = http.client.HTTPConnection(address.hostname, address.port, timeout=20.0)
             try:
                 text = None if body is None else json.dumps(body)

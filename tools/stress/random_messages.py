@@ -124,7 +124,7 @@ def _torn(random: Random, cdr: bytes) -> bytes:
 
 def cdr_of(message, kind: str) -> bytes:
     """Return the bytes of a message as a publisher sends them; rclpy's own end in spare ones."""
-    cdr, store = bytes(serialize_message(message)), typestore()
+    cdr, store = bytes(serialize_message(message)), typestore(kind)
     definition = store.get_msgdef(kind)
     _, end = definition.deserialize_cdr_le(cdr[4:], 0, definition.cls, store)
     return cdr[: 4 + end]
