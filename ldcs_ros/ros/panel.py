@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -38,12 +41,14 @@ if TYPE_CHECKING:
 
 _PATIENCE = 5.0
 """Time in which a service must answer [s]."""
+_LOOK_AGAIN = 0.05  # s
 _TRIGGERS = ("pause", "resume", "step", "reset", "rearm")
 _JOINTS, _POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 _FLUID, _CLOUD = "sensor_msgs/msg/FluidPressure", "sensor_msgs/msg/PointCloud2"
 _ARRAY, _DIAGNOSTICS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
 RequestT = TypeVar("RequestT")
 ResponseT = TypeVar("ResponseT")
+ResultT = TypeVar("ResultT")
 _SHOWN = {
     "real-time factor": ("pace", "{:.2f} x real time"),
     "error_estimate [m]": ("estimated error", "{:.1e} m"),
@@ -52,6 +57,9 @@ _SHOWN = {
 
 class Panel:
     """A twin behind a page: implements `ControlledTwin`; its node is spun by the caller.
+
+    The page's requests come on threads of their own. Whatever they do with the node waits for `work`, on the thread
+    that spins it.
 
     Args:
         node: A node in the twin's namespace.
@@ -63,9 +71,11 @@ class Panel:
         self._folder = folder
         self._prefix = node.get_namespace().rstrip("/") + "/"
         self._lock = threading.Lock()
+        self._waiting: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._latest: dict[str, bytes] = {}
         self._types: dict[str, str] = {}
         self._scene: Scene | None = None
+        self._asked_for = ""
         self._recorder: BagWriter | None = None
         self._pressure = node.create_publisher(Float64MultiArray, "pressure_command", 10)
         self._torque = node.create_publisher(JointState, "torque_command", 10)
@@ -85,10 +95,17 @@ class Panel:
                 continue
             if import_problem(types[0].split("/")[0]):
                 continue
-            self._types[topic] = types[0]
+            self._types = {**self._types, topic: types[0]}
             subscribe_raw(self._node, types[0], topic, partial(self._take, topic, types[0]), quality)
-        if self._scene is None and self._said("scene"):
-            threading.Thread(target=self._ask_for_the_scene, daemon=True).start()
+        said = self._said("scene")
+        if said and said != self._asked_for:
+            self._asked_for = said
+            threading.Thread(target=self._ask_for_the_scene, args=(said,), daemon=True).start()
+
+    def work(self) -> None:
+        """Do what requests wait for; on the thread that spins the node."""
+        while not self._waiting.empty():
+            self._waiting.get()()
 
     def close(self) -> None:
         """End a recording."""
@@ -98,8 +115,7 @@ class Panel:
 
     def state(self) -> Mapping[str, object]:
         """Return what the page shows."""
-        with self._lock:
-            latest = dict(self._latest)
+        latest = self._snapshot()
         cloud = latest.get(self._prefix + "nodes")
         if cloud is None:
             return {"title": f"no twin sends in {self._node.get_namespace()} yet"}
@@ -143,7 +159,7 @@ class Panel:
         if what == "drive":
             return self._drive({str(request.get("arm")): _number(request, "value")})
         if what == "zero":
-            return self._drive(dict.fromkeys(self._names(), 0.0))
+            return self._drive(dict.fromkeys(self._names(self._snapshot()), 0.0))
         if what == "push":
             return self._push(request)
         if what == "record":
@@ -164,7 +180,8 @@ class Panel:
 
     def _drive(self, values: Mapping[str, float]) -> str:
         """Command gauge pressures [kPa] or joint torques [N m] of some arms; the others keep theirs."""
-        names = self._names()
+        latest = self._snapshot()
+        names = self._names(latest)
         if unknown := sorted(set(values) - set(names)):
             raise CommandError(f"got the arm {unknown[0]!r}, expected one of {names}")
         pressure = self._drive_of_arms() == "pressure"
@@ -174,14 +191,15 @@ class Panel:
                 raise CommandError(
                     f"{name}: got {value:g}, expected {least:g} ... {most:g} {_unit(pressure)}"
                 )
-        commanded = {**self._held(), **values}
+        commanded = {**self._held(latest), **values}
         held = [commanded[name] for name in names]
         if pressure:
-            self._pressure.publish(Float64MultiArray(data=[1e3 * value for value in held]))
+            message = Float64MultiArray(data=[1e3 * value for value in held])
+            self._on_node(lambda: self._pressure.publish(message))
             return ", ".join(f"{name} {value:.1f} kPa" for name, value in values.items())
-        joints = self._joints()
-        torque = [held[names.index(_arm_of(joint))] for joint in joints]
-        self._torque.publish(JointState(name=joints, effort=torque))
+        joints = self._joints(latest)
+        command = JointState(name=joints, effort=[held[names.index(_arm_of(joint))] for joint in joints])
+        self._on_node(lambda: self._torque.publish(command))
         return ", ".join(f"{name} {value:.4f} N m" for name, value in values.items())
 
     def _push(self, request: Mapping[str, object]) -> str:
@@ -197,7 +215,9 @@ class Panel:
         asked.wrench.force = Vector3(x=x, y=y, z=z)
         asked.duration = Duration(seconds=_number(request, "duration")).to_msg()
         if self._push_client is None:
-            self._push_client = self._node.create_client(ApplyWrench, "ldcs_sim/apply_wrench")
+            self._push_client = self._on_node(
+                lambda: self._node.create_client(ApplyWrench, "ldcs_sim/apply_wrench")
+            )
         answer = self._answer(self._push_client, asked)
         if not answer.success:
             raise CommandError(f"push: {answer.message}")
@@ -219,20 +239,39 @@ class Panel:
         )
         return f"recording into {folder}"
 
+    def _on_node(self, work: Callable[[], ResultT]) -> ResultT:
+        """Do something with the node on the thread that spins it, and return what it returns."""
+        result: Future[ResultT] = Future()
+
+        def do() -> None:
+            try:
+                result.set_result(work())
+            except Exception as error:
+                result.set_exception(error)
+
+        self._waiting.put(do)
+        try:
+            return result.result(_PATIENCE)
+        except FutureTimeoutError as error:
+            raise CommandError(f"the panel's node is busy for {_PATIENCE:g} s; try again") from error
+
     def _answer(self, client: Client[RequestT, ResponseT], request: RequestT) -> ResponseT:
-        """Return the answer of a service; the executor runs on another thread."""
-        if not client.wait_for_service(_PATIENCE):
-            raise CommandError(f"no twin offers {client.srv_name}")
+        """Return the answer of a service; on the thread of a request."""
+        end = time.monotonic() + _PATIENCE
+        while not self._on_node(client.service_is_ready):
+            if time.monotonic() > end:
+                raise CommandError(f"no twin offers {client.srv_name}")
+            time.sleep(_LOOK_AGAIN)
         done = threading.Event()
-        future = client.call_async(request)
+        future = self._on_node(lambda: client.call_async(request))
         future.add_done_callback(lambda _: done.set())
         answer = future.result() if done.wait(_PATIENCE) else None
         if answer is None:
             raise CommandError(f"{client.srv_name} did not answer within {_PATIENCE:g} s")
         return answer
 
-    def _ask_for_the_scene(self) -> None:
-        names = [str(self._said("scene"))]
+    def _ask_for_the_scene(self, said: str) -> None:
+        names = [said]
         try:
             answer = self._answer(self._parameters, GetParameters.Request(names=["scene"]))
             names.insert(0, answer.values[0].string_value)
@@ -242,14 +281,15 @@ class Panel:
             try:
                 self._scene = load_scene(name)
                 return
-            except (LdcsError, OSError):  # a scene of another machine: the arms' default limits serve
+            except (LdcsError, OSError):
                 continue
+        self._scene = None  # a scene of another machine: the arms' default limits serve
 
     def _arms(self, latest: Mapping[str, bytes]) -> list[dict[str, object]]:
         pressure = self._drive_of_arms() == "pressure"
-        held = self._held()
+        held = self._held(latest)
         arms = []
-        for name in self._names():
+        for name in held:
             least, most = self._bounds(name)
             cdr = latest.get(f"{self._prefix}{name}/pressure")
             measured = None
@@ -268,13 +308,12 @@ class Panel:
             )
         return arms
 
-    def _held(self) -> dict[str, float]:
+    def _held(self, latest: Mapping[str, bytes]) -> dict[str, float]:
         """Return what each arm is commanded at present, by anyone: gauge pressure [kPa] or joint torque [N m]."""
-        names = self._names()
-        with self._lock:
-            sent = self._latest.get(self._prefix + "pressure_command")
-            joints = self._latest.get(self._prefix + "joint_states")
-            cloud = self._latest.get(self._prefix + "nodes")
+        names = self._names(latest)
+        sent, joints, cloud = (
+            latest.get(self._prefix + name) for name in ("pressure_command", "joint_states", "nodes")
+        )
         if self._drive_of_arms() != "pressure":
             message = None if joints is None else decode(_JOINTS, joints)
             torque = {} if message is None else dict(zip(message.name, message.effort, strict=True))
@@ -285,12 +324,10 @@ class Panel:
         if sent is not None:
             data = np.asarray(decode(_ARRAY, sent).data, dtype=float)
             asked = data if data.size in (1, len(names)) else 0.0
-        elif self._scene is not None and cloud is not None:
+        elif (scene := self._scene) is not None and cloud is not None:
             now = decode(_CLOUD, cloud).header.stamp
             due = [
-                e
-                for e in self._scene.inputs
-                if e.pressure is not None and e.time <= now.sec + 1e-9 * now.nanosec
+                e for e in scene.inputs if e.pressure is not None and e.time <= now.sec + 1e-9 * now.nanosec
             ]
             asked = due[-1].pressure if due else 0.0
         values = np.broadcast_to(np.asarray(asked, dtype=float), len(names))
@@ -304,28 +341,34 @@ class Panel:
         return -limit, limit
 
     def _limit(self, arm: str, key: str) -> float:
-        arms = None if self._scene is None else self._scene.effect("arms")
-        if self._scene is None or arms is None:
+        scene = self._scene
+        arms = None if scene is None else scene.effect("arms")
+        if scene is None or arms is None:
             return float(getattr(Arms, key))
-        for one in arms.placed(self._scene.lattice):
+        for one in arms.placed(scene.lattice):
             if one.name == arm and key in one.own:
                 return float(one.own[key])
         return float(getattr(arms, key))
 
     def _drive_of_arms(self) -> str:
-        arms = None if self._scene is None else self._scene.effect("arms")
+        scene = self._scene
+        arms = None if scene is None else scene.effect("arms")
         if arms is not None:
             return str(arms.drive)
         measured = any(kind == _FLUID for kind in self._types.values())
         return "pressure" if measured else "torque"
 
-    def _joints(self) -> list[str]:
+    def _snapshot(self) -> dict[str, bytes]:
+        """Return the latest message of each topic, all of one moment."""
         with self._lock:
-            cdr = self._latest.get(self._prefix + "joint_states")
+            return dict(self._latest)
+
+    def _joints(self, latest: Mapping[str, bytes]) -> list[str]:
+        cdr = latest.get(self._prefix + "joint_states")
         return [] if cdr is None else list(decode(_JOINTS, cdr).name)
 
-    def _names(self) -> list[str]:
-        return list(dict.fromkeys(_arm_of(joint) for joint in self._joints()))
+    def _names(self, latest: Mapping[str, bytes]) -> list[str]:
+        return list(dict.fromkeys(_arm_of(joint) for joint in self._joints(latest)))
 
     def _points(self, latest: Mapping[str, bytes]) -> dict[str, list[float]]:
         found = {}
@@ -337,8 +380,9 @@ class Panel:
         return found
 
     def _length(self, position: np.ndarray, nodes: tuple[int, int]) -> float:
-        if self._scene is not None:
-            return float(self._scene.lattice.size[0])
+        scene = self._scene
+        if scene is not None:
+            return float(scene.lattice.size[0])
         cells = np.linalg.norm(np.diff(position.reshape(2, *nodes, 3)[0], axis=0), axis=-1)
         return float(np.nanmean(cells) * (nodes[0] - 1))
 
@@ -365,6 +409,7 @@ def follow(panel: Panel, spin: Callable[[], None], stopped: Callable[[float], bo
     searched = 0.0
     while not stopped(0.0):
         spin()
+        panel.work()
         if time.monotonic() >= searched + period:
             searched = time.monotonic()
             panel.search()

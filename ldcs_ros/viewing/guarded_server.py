@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socket
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -63,7 +64,9 @@ class GuardedServer(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: Request, client_address: Address) -> None:
-        """Ignore a browser that disconnects."""
+        """Ignore a browser that disconnects; report every other error."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
 
 
 class GuardedHandler(BaseHTTPRequestHandler):

@@ -336,6 +336,8 @@ def test_worlds_are_the_scenes_and_are_chosen_by_their_effects(user, tmp_path):
     assert (mine.name, mine.world_resource.uri) == ("mine", str(tmp_path / "mine.yaml"))
     missing = user.ask("GetAvailableWorlds", additional_sources=["/no/such/folder"])
     assert missing.result.result == Result.RESULT_OPERATION_FAILED and not missing.worlds
+    too_long = user.ask("GetAvailableWorlds", additional_sources=["x" * 5000])
+    assert too_long.result.result == Result.RESULT_OPERATION_FAILED and not too_long.worlds
     user.set_state("paused")
     assert user.ask("GetCurrentWorld").world.name == "paper"
 

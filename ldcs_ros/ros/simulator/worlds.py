@@ -46,7 +46,7 @@ class Worlds:
         for source in request.additional_sources:
             try:
                 folder = self._files.path(source.removeprefix(_SCHEME))
-                if not folder.is_dir():
+                if not os.path.isdir(folder):  # a name that is too long is no error to it
                     raise SceneError(f"no folder {source[:200]!r}")
             except LdcsError as error:
                 trouble.append(str(error))
