@@ -93,7 +93,9 @@ class Panel:
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self._types or not types or not topic.startswith((self._prefix, "/diagnostics")):
                 continue
-            if import_problem(types[0].split("/")[0]):
+            # The feedback of an action has a type of its own kind, which is no message of the package.
+            package, kind, _ = types[0].split("/")
+            if kind != "msg" or import_problem(package):
                 continue
             self._types = {**self._types, topic: types[0]}
             subscribe_raw(self._node, types[0], topic, partial(self._take, topic, types[0]), quality)
