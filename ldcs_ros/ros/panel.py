@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from datetime import datetime
@@ -35,6 +35,7 @@ from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
 from ldcs_ros.signals.tracks import cloud_nodes, cloud_positions
 
 if TYPE_CHECKING:
+    from diagnostic_msgs.msg import DiagnosticStatus
     from ldcs_msgs.srv import ApplyWrench
     from rclpy.client import Client
     from rclpy.subscription import MessageInfo
@@ -99,7 +100,7 @@ class Panel:
                 continue
             self._types = {**self._types, topic: types[0]}
             subscribe_raw(self._node, types[0], topic, partial(self._take, topic, types[0]), quality)
-        said = self._said("scene")
+        said = _values(self._diagnostics(self._snapshot())).get("scene", "")
         if said and said != self._asked_for:
             self._asked_for = said
             threading.Thread(target=self._ask_for_the_scene, args=(said,), daemon=True).start()
@@ -124,12 +125,14 @@ class Panel:
         message: PointCloudMessage = decode(_CLOUD, cloud)
         position = cloud_positions(message)
         nodes = cloud_nodes(message)
-        said = self._diagnostics()
+        diagnostics = self._diagnostics(latest)
+        said = _values(diagnostics)
         status: dict[str, str] = {
             name: form.format(float(said[key])) for key, (name, form) in _SHOWN.items() if key in said
         }
         status |= {key: said[key] for key in ("mode", "refused") if key in said}
-        status |= self._troubles()
+        # The message of each entry that is not well.
+        status |= {one.name.rpartition(": ")[2]: one.message for one in diagnostics if _level(one.level) > 0}
         recorder = self._recorder
         return {
             "title": said.get("scene", "a twin"),
@@ -388,22 +391,9 @@ class Panel:
         cells = np.linalg.norm(np.diff(position.reshape(2, *nodes, 3)[0], axis=0), axis=-1)
         return float(np.nanmean(cells) * (nodes[0] - 1))
 
-    def _diagnostics(self) -> dict[str, str]:
-        with self._lock:
-            cdr = self._latest.get("/diagnostics")
-        if cdr is None:
-            return {}
-        return {pair.key: pair.value for status in decode(_DIAGNOSTICS, cdr).status for pair in status.values}
-
-    def _troubles(self) -> dict[str, str]:
-        """Return the message of each entry of the diagnostics that is not well, by its name."""
-        with self._lock:
-            cdr = self._latest.get("/diagnostics")
-        entries = [] if cdr is None else decode(_DIAGNOSTICS, cdr).status
-        return {one.name.rpartition(": ")[2]: one.message for one in entries if _level(one.level) > 0}
-
-    def _said(self, key: str) -> str:
-        return self._diagnostics().get(key, "")
+    def _diagnostics(self, latest: Mapping[str, bytes]) -> list[DiagnosticStatus]:
+        cdr = latest.get("/diagnostics")
+        return [] if cdr is None else decode(_DIAGNOSTICS, cdr).status
 
 
 def follow(panel: Panel, spin: Callable[[], None], stopped: Callable[[float], bool], period: float) -> None:
@@ -415,6 +405,10 @@ def follow(panel: Panel, spin: Callable[[], None], stopped: Callable[[float], bo
         if time.monotonic() >= searched + period:
             searched = time.monotonic()
             panel.search()
+
+
+def _values(diagnostics: Sequence[DiagnosticStatus]) -> dict[str, str]:
+    return {pair.key: pair.value for status in diagnostics for pair in status.values}
 
 
 def _level(level: bytes | int) -> int:
