@@ -38,7 +38,9 @@ VERBS: dict[str, Verb] = {
     "export": Verb("ldcs_ros.cli.export", "write a bag as a table: CSV, Parquet, netCDF"),
     "identify": Verb("ldcs_ros.cli.identify", "fit numbers of a scene to bags"),
     "reach": Verb("ldcs_ros.cli.reach", "find the commands under which points rest at their targets"),
-    "sensitivity": Verb("ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"),
+    "sensitivity": Verb(
+        "ldcs_ros.cli.sensitivity", "print how points move with commands and numbers of a scene"
+    ),
     "sweep": Verb("ldcs_ros.cli.sweep", "evaluate a scene at many values: table, picture, Sobol indices"),
     "gym": Verb("ldcs_ros.cli.gym", "measure the environments for reinforcement learning with a baseline"),
     "validate": Verb("ldcs_ros.cli.validate", "repeat the paper's test, print Table I"),

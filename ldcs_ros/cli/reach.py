@@ -72,7 +72,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--at", metavar="S", type=seconds, help="end of the course [s]; the file's last time")
     parser.add_argument(
-        "--slew", metavar="COMMAND=RATE", action="append", default=[], help="fastest change of a command [1/s]"
+        "--slew",
+        metavar="COMMAND=RATE",
+        action="append",
+        default=[],
+        help="fastest change of a command [1/s]",
     )
     parser.add_argument(
         "--interval", metavar="S", type=seconds, default=0.1, help="time between the knots of a course [s]"
@@ -189,7 +193,9 @@ def _slewed(texts: list[str], variables: list[Variable]) -> list[Variable]:
             slew = 0.0
         named = [one for one in variables if one.name == name or (kind != name and one.name.startswith(kind))]
         if not slew > 0.0 or not named:
-            raise CommandLineError(f"--slew: got '{text}', expected a varied command and its rate, pressure.*=400e3")
+            raise CommandLineError(
+                f"--slew: got '{text}', expected a varied command and its rate, pressure.*=400e3"
+            )
         variables = [replace(one, slew=slew) if one in named else one for one in variables]
     return variables
 

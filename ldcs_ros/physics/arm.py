@@ -330,9 +330,7 @@ def fill_coupling_jacobian(  # type: ignore[no-untyped-def]
         stiffness, damping = couplings[c].stiffness, couplings[c].damping
         link, rib = links[arm], ribs[arm, s]
         dx, dy = arms[arm].direction_x, arms[arm].direction_y
-        angle = rib_end(
-            phi[arm], rate[arm], arms[arm], link, ribs[arm], s, offset, place, speed, slope
-        )
+        angle = rib_end(phi[arm], rate[arm], arms[arm], link, ribs[arm], s, offset, place, speed, slope)
         for axis in range(2):
             f[axis] = -stiffness * place[axis] - damping * speed[axis]
         for m in range(corners):

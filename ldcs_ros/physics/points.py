@@ -215,7 +215,9 @@ def _middle(n: int) -> tuple[int, ...]:
     return (n // 2,) if n % 2 else (n // 2 - 1, n // 2)
 
 
-def _block(lattice: Lattice, layers: tuple[int, ...], columns: tuple[int, ...], rows: tuple[int, ...]) -> Point:
+def _block(
+    lattice: Lattice, layers: tuple[int, ...], columns: tuple[int, ...], rows: tuple[int, ...]
+) -> Point:
     """Return the mean of a block of nodes.
 
     Raises:

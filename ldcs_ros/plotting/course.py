@@ -11,7 +11,9 @@ from ldcs_ros.reach.course import CommandCourse, Trajectory
 MM = 1e3
 
 
-def course_figure(found: CommandCourse, trajectory: Trajectory, title: str, style: FigureStyle = SCREEN) -> Figure:
+def course_figure(
+    found: CommandCourse, trajectory: Trajectory, title: str, style: FigureStyle = SCREEN
+) -> Figure:
     """Draw the first two coordinates against each other, then the commands over time.
 
     Args:

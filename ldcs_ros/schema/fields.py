@@ -180,7 +180,9 @@ def as_location(value: object) -> object:
         if unknown or "x" not in value or "y" not in value:
             raise ValueError(f"got {shown(value)}, expected {{x: m, y: m, layer: bottom, top or mid}}")
         layer = _chosen(value.get("layer", "mid"), ("bottom", "top", "mid"), several=False)
-        return SheetPlace(finite_number(value["x"], unit="m"), finite_number(value["y"], unit="m"), str(layer))
+        return SheetPlace(
+            finite_number(value["x"], unit="m"), finite_number(value["y"], unit="m"), str(layer)
+        )
     return tuple(value) if isinstance(value, list) else value
 
 

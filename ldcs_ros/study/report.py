@@ -148,7 +148,14 @@ def _verified(rows: Sequence[Row]) -> Iterator[str]:
         f"the accuracy beside the first and reports the measured distance. Asked: {VERIFIED_ACCURACY:.0e} m; both "
         f"runs are measured in turns and looked at {LOOKS} times per simulated second."
     )
-    head = ("scene", "plain [CPU ms per simulated second]", "verified", "ratio", "measured error", "plain estimate")
+    head = (
+        "scene",
+        "plain [CPU ms per simulated second]",
+        "verified",
+        "ratio",
+        "measured error",
+        "plain estimate",
+    )
     lines = [
         (
             f"`{one.scene}`",

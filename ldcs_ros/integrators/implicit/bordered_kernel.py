@@ -64,7 +64,7 @@ def factor_tables(system: LinearSystem, factors: Factors) -> FactorTables:
 
 
 @compiled
-def fill_turns(factors, n_nodes, ahead, q, u, turns):  # type: ignore[no-untyped-def]
+def fill_both_rotations(factors, n_nodes, ahead, q, u, turns):  # type: ignore[no-untyped-def]
     """Write the rotations G of a motion and H of the time `ahead` later, shape (2, n_columns, 3, 3).
 
     n_nodes are all nodes of the lattice; q and u are all coordinates and rates.

@@ -6,8 +6,8 @@ import numpy as np
 
 from ldcs_ros.integrators.implicit.bordered_kernel import (
     factor_tables,
+    fill_both_rotations,
     fill_residual,
-    fill_turns,
     solve_factors,
     times_mass,
 )
@@ -67,7 +67,7 @@ def _step(  # type: ignore[no-untyped-def]
         u[k] = known[1, i] + rate_step * a[i]
         q[k] = known[0, i] + rate_step * u[k]
     turns = np.empty((2, factors.columns.size, 3, 3))
-    fill_turns(factors, scratch.shape[1], numbers[6], q, u, turns)
+    fill_both_rotations(factors, scratch.shape[1], numbers[6], q, u, turns)
     # The formula answers a jump g of the acceleration by b h R g with R = (1 - b h A)^-1, the motion by h phi_1(h A) g.
     # alpha R + beta R^2 makes up for the difference, to first order in h A and for stiff parts. Without a factor on the
     # solution, which would scale the impulse that free motion takes up.

@@ -16,7 +16,9 @@ def missing_package(what: str, package: str) -> str:
     # Loaded here alone: the output process starts with as little as it can.
     from ldcs_ros import extras
 
-    return f"{what} needs the package {package}, which is not installed; run `{extras.advice('rig', package)}`"
+    return (
+        f"{what} needs the package {package}, which is not installed; run `{extras.advice('rig', package)}`"
+    )
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,9 @@ class TagFilter:
     def __init__(self, tags_filter: TagsFilter) -> None:
         modes = (TagsFilter.FILTER_MODE_ANY, TagsFilter.FILTER_MODE_ALL)
         if tags_filter.filter_mode not in modes:
-            reason = f"tag filter mode {tags_filter.filter_mode}, expected any ({modes[0]}) or all ({modes[1]})"
+            reason = (
+                f"tag filter mode {tags_filter.filter_mode}, expected any ({modes[0]}) or all ({modes[1]})"
+            )
             raise ResultError(Result.RESULT_OPERATION_FAILED, reason)
         self._tags = frozenset(tags_filter.tags)
         self._all = tags_filter.filter_mode == TagsFilter.FILTER_MODE_ALL

@@ -160,14 +160,22 @@ class Chains:
             centripetal = -np.einsum("akj,aj->ak", curve, rate**2)
             push += np.einsum("aki,ak->ai", slope, self.mass * (gravity - centripetal))
         matrix[:, order, order] += ~self.used
-        moment = drive - self.stiffness * np.diff(phi, prepend=0.0) - self.damping * np.diff(rate, prepend=0.0)
+        moment = (
+            drive - self.stiffness * np.diff(phi, prepend=0.0) - self.damping * np.diff(rate, prepend=0.0)
+        )
         moment = np.where(self.used, moment, 0.0)
         push += moment
         push[:, :-1] -= moment[:, 1:]
         return matrix, push
 
     def _couple(
-        self, x: np.ndarray, v: np.ndarray, phi: np.ndarray, rate: np.ndarray, force: np.ndarray, push: np.ndarray
+        self,
+        x: np.ndarray,
+        v: np.ndarray,
+        phi: np.ndarray,
+        rate: np.ndarray,
+        force: np.ndarray,
+        push: np.ndarray,
     ) -> None:
         a, dx, dy = self.arm, self.direction[self.arm, 0], self.direction[self.arm, 1]
         cos, sin = np.cos(phi)[a], np.sin(phi)[a]

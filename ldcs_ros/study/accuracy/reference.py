@@ -112,7 +112,9 @@ def _solve(case: Case, seconds: float) -> np.ndarray:
         method = Radau if _is_stiff(slope, begin, y, n) else DOP853
         atol = np.concatenate([np.full(n, ABSOLUTE), np.full(n, 1e2 * ABSOLUTE)])
         first = min(1e-6, 0.1 * (end - begin))
-        sparse = {"jac": partial(_differences, slope, pattern)} if method is Radau and pattern is not None else {}
+        sparse = (
+            {"jac": partial(_differences, slope, pattern)} if method is Radau and pattern is not None else {}
+        )
         solver = method(slope, begin, y, end, rtol=RELATIVE, atol=atol, first_step=first, **sparse)
         while solver.status == "running":
             if wall_clock.process_time() > deadline:
@@ -167,7 +169,9 @@ class _Chambers:
 
     def __init__(self, arms: Sequence[Arms]) -> None:
         self.start, self.begin, self.target = 0.0, np.zeros(len(arms)), np.zeros(len(arms))
-        self.fill, self.vent = (np.array([getattr(one, f"{name}_time") for one in arms]) for name in ("fill", "vent"))
+        self.fill, self.vent = (
+            np.array([getattr(one, f"{name}_time") for one in arms]) for name in ("fill", "vent")
+        )
 
     def at(self, time: float) -> np.ndarray:
         taus = np.where(self.target > self.begin, self.fill, self.vent)

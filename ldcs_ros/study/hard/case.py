@@ -94,7 +94,9 @@ def own_equilibrium(case: HardCase, run: CaseRun) -> CaseComparison:
     """Compare the end with the equilibrium that the scene's own start finds."""
     other = load_scene(case.scene).build()
     other.settle()
-    return CaseComparison(largest_distance(run.simulation.state.position, other.state.position), "equilibrium")
+    return CaseComparison(
+        largest_distance(run.simulation.state.position, other.state.position), "equilibrium"
+    )
 
 
 def nearest_equilibrium(case: HardCase, run: CaseRun) -> CaseComparison:
@@ -190,7 +192,8 @@ class HardCase:
         scene = load_scene(self.scene)
         simulation = (scene if solver is None else replace(scene, solver=solver)).build()
         velocity = start_velocity(
-            Case(self.name, self.scene, self.duration, self.spin, self.drift), scene.lattice.reference_position
+            Case(self.name, self.scene, self.duration, self.spin, self.drift),
+            scene.lattice.reference_position,
         )
         if self.start or velocity is not None:
             shape = STARTS[self.start](scene.lattice) if self.start else scene.lattice.reference_position

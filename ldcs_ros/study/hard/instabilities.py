@@ -16,7 +16,8 @@ GROWS = "the motion amplifies each error until the strip has buckled"
 
 def _pushes(*profile: tuple[float, float]) -> list[Content]:
     return [
-        {"time": time, "wrench": {"frame": "P1_aligned", "force": [0.0, 0.0, force]}} for time, force in profile
+        {"time": time, "wrench": {"frame": "P1_aligned", "force": [0.0, 0.0, force]}}
+        for time, force in profile
     ]
 
 

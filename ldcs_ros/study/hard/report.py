@@ -88,9 +88,7 @@ def as_markdown(results: Sequence[CaseResult], *, machine: dict[str, str], comma
         "*Energy audit*: the largest residual of kinetic + elastic + gravity + dissipated energy - work of inputs "
         f"and drives, over the energy moved; one above {AUDIT_FACTOR:g} times the asked accuracy over the sheet's "
         "length is named below its table. *Rejected* steps were taken again, shorter. Times are from one run on a "
-        "shared machine: "
-        + ", ".join(f"{name} {value}" for name, value in machine.items())
-        + ".",
+        "shared machine: " + ", ".join(f"{name} {value}" for name, value in machine.items()) + ".",
     ]
     left_out_chapters: list[str] = []
     for chapter, cases in CHAPTERS.items():
@@ -105,7 +103,9 @@ def as_markdown(results: Sequence[CaseResult], *, machine: dict[str, str], comma
                 remarks.setdefault(remark, []).append(result.case.name)
         left_out = [case.name for case in cases if case.name not in by_name]
         if left_out:
-            remarks["not run here; `ldcs study --hard` goes on with them, with `--slow` also with long ones"] = left_out
+            remarks[
+                "not run here; `ldcs study --hard` goes on with them, with `--slow` also with long ones"
+            ] = left_out
         if remarks:
             parts.append("\n".join(f"- {'; '.join(names)}: {remark}." for remark, names in remarks.items()))
     if left_out_chapters:

@@ -59,9 +59,7 @@ SHAPE_CASES = (
     *_wound(-360),
     HardCase("pressed flat on the floor by 50 g", PRESSED, 1.0, fast=True),
     *(_recovers(start, law, HANGING) for start in STARTS for law in ("axial", "axiswise", "corotational")),
-    HardCase(
-        "arms and sheet crumpled", ARMS, UNTIL_REST, MIRRORED, nearest_equilibrium, start="crumpled"
-    ),
+    HardCase("arms and sheet crumpled", ARMS, UNTIL_REST, MIRRORED, nearest_equilibrium, start="crumpled"),
     HardCase(
         "arms straight, sheet on a line",
         ARMS,
