@@ -95,10 +95,13 @@ def compare(recording_a: Recording, recording_b: Recording, options: Options) ->
         read_signals(recording, name=name, mapping=mapping, measured=options.measured)
         for recording, name, mapping in zip((recording_a, recording_b), names, options.mappings, strict=True)
     )
+    # One side may have measured a coordinate of a point alone.
     pairs = {
-        name: (series, b.series[name])
-        for name, series in a.series.items()
-        if name in b.series and b.series[name].unit == series.unit
+        name: (ours, theirs)
+        for name in {**a.series, **b.series}
+        if (ours := a.channel(name)) is not None
+        and (theirs := b.channel(name)) is not None
+        and ours.unit == theirs.unit
     }
     offset = _offset(pairs, a, b, options)
     length = options.side_length or a.side_length or b.side_length
@@ -196,7 +199,9 @@ def _names(a: str, b: str) -> tuple[str, str]:
 def _only(a: Signals, b: Signals) -> tuple[str, ...]:
     lines = []
     for one, other in ((a, b), (b, a)):
-        names = sorted(one.series.keys() - other.series.keys())
+        partly = {name.rpartition(".")[0] for name in other.series}
+        names = sorted(one.series.keys() - other.series.keys() - partly)
+        names = [name for name in names if other.channel(name) is None]
         joints = [name for name in names if name.startswith("joint/")]
         if len(joints) > 2:
             names = [name for name in names if name not in joints] + [f"{len(joints)} joints"]

@@ -17,6 +17,7 @@ from ldcs_ros.replay.external_bag import begun_scene, mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
 from ldcs_ros.replay.span import check_span
 from ldcs_ros.scene import Scene
+from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals import Mapping, guess_mapping
 from ldcs_ros.signals.series import Series
 from ldcs_ros.signals.signals import read_signals
@@ -44,7 +45,7 @@ class Experiment:
         schedule: The recorded scene's own schedule, as in a scene file; empty for a rig's bag.
         points: Names of the tracked points.
         time: Times of the measurements [s], shape (n,), rising.
-        position: Measured positions in ldcs_base [m], shape (n, n_points, 3); NaN where a point was not measured.
+        position: Measured positions in ldcs_base [m], shape (n, n_points, 3); NaN where a coordinate was not measured.
         noise: Standard deviation of one coordinate [m].
         noise_origin: Source of the noise figure, in words.
         warnings: Irregularities of the bag, in words.
@@ -104,18 +105,23 @@ def read_experiment(
         settled, shift = meaning.initial != "start", 0.0
     signals = read_signals(recording, name=name, mapping=meaning, measured=True)
     warnings += signals.warnings
-    points = tuple(point for point in scene.points if point in signals.series)
+    tracks = {
+        (point, k): track
+        for point in scene.points
+        for k, axis in enumerate(AXES)
+        if (track := signals.channel(f"{point}.{axis}")) is not None
+    }
+    points = tuple(dict.fromkeys(point for point, _ in tracks))
     if not points:
         raise IdentificationError(
             f"{name} has no tracker positions of the points {list(scene.points)} of the scene, "
             f"only {list(signals.series)}"
         )
-    tracks = [signals.series[point] for point in points]
-    time = np.unique(np.concatenate([track.time for track in tracks]))
+    time = np.unique(np.concatenate([track.time for track in tracks.values()]))
     position = np.full((len(time), len(points), 3), np.nan)
-    for number, track in enumerate(tracks):
-        position[np.searchsorted(time, track.time), number] = track.value
-    sigma, origin = _noise(noise, None if recorded is None else recorded.scene, tracks)
+    for (point, k), track in tracks.items():
+        position[np.searchsorted(time, track.time), points.index(point), k] = track.value[:, 0]
+    sigma, origin = _noise(noise, None if recorded is None else recorded.scene, list(tracks.values()))
     return Experiment(
         name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(warnings)
     )
@@ -186,7 +192,7 @@ def _noise(given: float | None, scene: Scene | None, tracks: list[Series]) -> tu
 
 
 def estimated_noise(tracks: list[np.ndarray]) -> float:
-    """Return the standard deviation of white noise on smooth tracks [m], each of shape (n, 3).
+    """Return the standard deviation of white noise on smooth tracks [m], each of shape (n, k).
 
     Second differences of white noise have sqrt(6) times its deviation; their median does not see the few samples in
     which the motion itself is fast.

@@ -169,9 +169,11 @@ def _key(apart: Axes, lines: list[_Line], unit: str, factor: float, style: Figur
 def _lines(channels: list[ChannelDifference]) -> list[_Line]:
     if channels[0].unit == "m":
         channel = channels[0]
+        axes = channel.name[-1] if "" in channel.statistics else "xyz"  # P1.z is one coordinate
+        rms = {axis or axes: found.rms for axis, found in channel.statistics.items()}
         return [
-            _Line(axis, colour, channel.time, channel.a[:, k], channel.b[:, k], channel.statistics[axis].rms)
-            for k, (axis, colour) in enumerate(AXIS_COLOURS.items())
+            _Line(axis, AXIS_COLOURS[axis], channel.time, channel.a[:, k], channel.b[:, k], rms[axis])
+            for k, axis in enumerate(axes)
         ]
     names: dict[str, list[ChannelDifference]] = {}
     for channel in channels:

@@ -1,7 +1,8 @@
-"""Units of pressure and the tolerance of times; this module imports nothing, so that a small process can use it."""
+"""Axes, units of pressure, the tolerance of times; this module imports nothing, so that a small process can use it."""
 
 from __future__ import annotations
 
+AXES = ("x", "y", "z")
 PRESSURE = {
     "Pa": 1.0,
     "hPa": 1e2,

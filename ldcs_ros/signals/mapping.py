@@ -14,6 +14,7 @@ commands:
 measurements:
   - {topic: /trakstar_msg, to: P0, child: trakstar0, unit: mm, translation: [0.05, 0, 0], rotation: [0, 0, 0, 1]}
   - {topic: /gauges, to: left/pressure, unit: psi, index: 0}
+  - {topic: /laser, to: P1.z, unit: mm, translation: [0, 0, 0.4], rotation: [1, 0, 0, 0]}   # looks down from 0.4 m
 
 A table (CSV, Parquet) has columns in place of topics, and a column of times:
 
@@ -34,10 +35,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ldcs_ros.errors import MappingError
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.reader import read_text, read_yaml
-from ldcs_ros.schema.units import PRESSURE, STANDARD_ATMOSPHERE
+from ldcs_ros.schema.units import AXES, PRESSURE, STANDARD_ATMOSPHERE
 
 TORQUE = {"N m": 1.0, "mN m": 1e-3}
 FORCE = {"N": 1.0, "mN": 1e-3}
@@ -102,11 +105,12 @@ class MeasurementSource:
 
     Attributes:
         topic: Its name in the bag; the names of the columns with commas between.
-        to: The measured quantity: a point (`P0`), `<arm>/pressure`, or a joint (`joint/<name>`).
+        to: The measured quantity: a point (`P0`), one coordinate of it (`P1.z`), `<arm>/pressure`, or a joint
+            (`joint/<name>`).
         scale: Factor from its unit to SI.
         field: Path of the value in the message, '' for the usual one of the type.
         child: Child frame of the transform that is meant; '' for any.
-        translation: Position of the sensor's base in ldcs_base [m].
+        translation: Position of the sensor's base in ldcs_base [m]; of a coordinate its own component counts.
         rotation: Unit quaternion x, y, z, w that rotates the sensor's axes into those of ldcs_base.
         offset: Subtracted from the value in SI, such as the ambient pressure from absolute ones; None for that
             of the message type.
@@ -124,6 +128,18 @@ class MeasurementSource:
     offset: float | None = None
     index: int | None = None
     columns: tuple[str, ...] = ()
+
+    @property
+    def axis(self) -> int | None:
+        """Index of the coordinate that it measures; None for other quantities."""
+        return AXES.index(self.to[-1]) if "." in self.to and not self.to.startswith("joint/") else None
+
+    def in_base(self, place: np.ndarray) -> np.ndarray:
+        """Return a place in the sensor's axes [m], shape (3,), in ldcs_base [m]."""
+        axis, scalar = np.asarray(self.rotation[:3]), self.rotation[3]
+        across = np.cross(axis, place)
+        rotated: np.ndarray = place + 2.0 * (scalar * across + np.cross(axis, across))
+        return np.asarray(self.translation) + rotated
 
 
 @dataclass(frozen=True)
@@ -204,6 +220,7 @@ def parse_mapping(content: object) -> Mapping:
     time_column = _time_column(time) if isinstance(time, dict) else None
     _check_places(commands, "commands", time_column)
     _check_places(measurements, "measurements", time_column)
+    _check_once(measurements)
     return Mapping(
         commands=commands,
         measurements=measurements,
@@ -294,13 +311,14 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         known = PRESSURE
     elif to.startswith("joint/"):
         known = ANGLE
-    elif to.isidentifier():
+    elif to.isidentifier() or (to[:-2].isidentifier() and to[-2] == "." and to[-1] in AXES):
         known = LENGTH
     else:
         raise MappingError(
-            f"got {to!r}, expected a point such as P0, ARM/pressure such as left/pressure, or joint/NAME @ {path}.to"
+            f"got {to!r}, expected a point such as P0, a coordinate such as P1.z, ARM/pressure such as left/pressure, "
+            f"or joint/NAME @ {path}.to"
         )
-    topic, columns = _source(block, path, 3 if known is LENGTH else 1)
+    topic, columns = _source(block, path, 3 if to.isidentifier() else 1)
     index = block.get("index")
     if index is not None:
         index = _CHECKS.whole(index, f"{path}.index", low=0)
@@ -310,7 +328,7 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
     if not 0.99 < length < 1.01:
         raise MappingError(f"got {list(rotation)}, expected a unit quaternion [x, y, z, w] @ {path}.rotation")
     x, y, z, w = (part / length for part in rotation)
-    return MeasurementSource(
+    source = MeasurementSource(
         topic=topic,
         to=to,
         scale=_unit(block.get("unit"), known, f"{path}.unit"),
@@ -322,6 +340,24 @@ def _measurement(entry: object, path: str, ambient: float) -> MeasurementSource:
         index=index,
         columns=columns,
     )
+    axis = source.axis
+    if axis is not None:
+        unit_vector = np.eye(3)[axis]
+        if abs((source.in_base(unit_vector) - source.in_base(0.0 * unit_vector))[axis]) < 0.9999:
+            raise MappingError(
+                f"got {list(rotation)}, expected a rotation that keeps or reverses the axis of {to} @ {path}.rotation"
+            )
+    return source
+
+
+def _check_once(measurements: Sequence[MeasurementSource]) -> None:
+    """Refuse two measurements of one coordinate, of which a report could show one alone."""
+    seen: set[str] = set()
+    for k, source in enumerate(measurements):
+        names = {f"{source.to}.{axis}" for axis in AXES} if source.to.isidentifier() else {source.to}
+        if names & seen:
+            raise MappingError(f"got {source.to} twice, expected one source for it @ measurements[{k}].to")
+        seen |= names
 
 
 def _offset(block: dict[str, Any], path: str, ambient: float) -> float | None:

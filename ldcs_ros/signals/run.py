@@ -7,6 +7,7 @@ import numpy as np
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import MappingError
 from ldcs_ros.messages.topics import TOPICS
+from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals import CommandSource, Mapping, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, read_channel
 from ldcs_ros.signals.signals import read_signals, surface_values
@@ -36,9 +37,16 @@ def run_of(recording: Recording, mapping: Mapping | None, *, measured: bool = Fa
     time = np.unique(np.round(np.concatenate(every), 9)) if every else np.zeros(0)
     channels: dict[str, np.ndarray] = {}
     for name, series in signals.series.items():
-        values = np.full((len(time), series.value.shape[1]), np.nan)
-        values[np.searchsorted(time, np.round(series.time, 9))] = series.value
-        channels[name] = values if values.shape[1] == 3 else values[:, 0]
+        rows, value = np.searchsorted(time, np.round(series.time, 9)), series.value
+        point, _, axis = name.rpartition(".")
+        if series.axes == AXES:
+            channels[name] = np.full((len(time), 3), np.nan)
+            channels[name][rows] = value
+        elif series.unit == "m":
+            channels.setdefault(point, np.full((len(time), 3), np.nan))[rows, AXES.index(axis)] = value[:, 0]
+        else:
+            channels[name] = np.full(len(time), np.nan)
+            channels[name][rows] = value[:, 0]
     for arm, track in commands.items():
         index = np.searchsorted(track.time, time + 1e-9, side="right") - 1
         channels[f"pressure_command.{arm}"] = np.where(index < 0, 0.0, track.value[np.maximum(index, 0)])

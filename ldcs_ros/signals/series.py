@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline, interp1d
 
 from ldcs_ros.schema.units import TIME_TOLERANCE
 
-AXES = ("x", "y", "z")
 Curve = Callable[[np.ndarray], np.ndarray]
 """Times [s] of any shape -> values, shape (..., k)."""
 

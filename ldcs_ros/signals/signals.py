@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals import Mapping, MappingError, MeasurementSource, fields, guess_mapping
 from ldcs_ros.signals.channels import ChannelReport, DecodedMessage, read_channel
-from ldcs_ros.signals.series import AXES, Series, clean
+from ldcs_ros.signals.series import Series, clean
 from ldcs_ros.signals.topics import find_topic, recorded_scene
 from ldcs_ros.signals.tracks import (
     CLOUD,
@@ -51,6 +52,16 @@ class Signals:
     side_length: float | None = None
     title: str = ""
     warnings: list[str] = field(default_factory=list)
+
+    def channel(self, name: str) -> Series | None:
+        """Return a channel, or the coordinate `P1.z` of a point; None without one."""
+        found = self.series.get(name)
+        point, _, axis = name.rpartition(".")
+        whole = self.series.get(point)
+        if found is not None or whole is None or axis not in whole.axes:
+            return found
+        value = whole.value[:, whole.axes.index(axis)]
+        return replace(whole, value=value[:, None], axes=("",))
 
 
 def read_signals(recording: Recording, *, name: str, mapping: Mapping | None, measured: bool) -> Signals:
@@ -137,9 +148,8 @@ def _rig_signals(recording: Recording, name: str, mapping: Mapping) -> Signals:
         if not len(time):
             warnings.append(f"{source.topic}: no message for {source.to}")
             continue
-        axes, unit = (("",), "Pa") if source.to.endswith("/pressure") else (AXES, "m")
-        if source.to.startswith("joint/"):
-            axes, unit = ("",), "rad"
+        axes = AXES if source.to.isidentifier() else ("",)
+        unit = "Pa" if source.to.endswith("/pressure") else "rad" if source.to.startswith("joint/") else "m"
         _add(series, source.to, (time - recording.start) * 1e-9, value, axes, unit, False, warnings)
     return Signals(name, series, _surface(recording, warnings), False, warnings=warnings)
 
@@ -178,9 +188,12 @@ def _value(message: object, source: MeasurementSource, kind: str, ambient: float
     if source.to.startswith("joint/"):
         path = source.field or ("position" if kind == "sensor_msgs/msg/JointState" else "")
         return np.array([source.scale * _number(message, source, kind, path)])
-    place = fields.position(message, source.field, kind)
-    turned: np.ndarray = np.asarray(source.translation) + _turned(source.rotation, source.scale * place)
-    return turned
+    if source.axis is None:
+        place = fields.position(message, source.field, kind)
+    else:
+        place = _number(message, source, kind, source.field) * np.eye(3)[source.axis]
+    found = source.in_base(source.scale * place)
+    return found if source.axis is None else found[[source.axis]]
 
 
 def _number(message: object, source: MeasurementSource, kind: str, path: str) -> float:
@@ -197,13 +210,6 @@ def _number(message: object, source: MeasurementSource, kind: str, path: str) ->
     if index is not None and index >= values.size:
         raise MappingError(f"{source.topic} has {values.size} values, there is no index {index}")
     return float(values[index or 0])
-
-
-def _turned(quaternion: tuple[float, float, float, float], vector: np.ndarray) -> np.ndarray:
-    axis, scalar = np.asarray(quaternion[:3]), quaternion[3]
-    across = np.cross(axis, vector)
-    turned: np.ndarray = vector + 2.0 * (scalar * across + np.cross(axis, across))
-    return turned
 
 
 def _add(

@@ -16,6 +16,7 @@ import numpy as np
 
 from ldcs_ros.bags import Message, Recording, read_bag
 from ldcs_ros.errors import MappingError, RecordingError
+from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals.mapping import COMMANDS, CommandSource, Mapping, MeasurementSource, parse_mapping
 from ldcs_ros.tables.read import NO_TIME, TableFile, is_table, open_table
 
@@ -60,8 +61,8 @@ def open_recording(path: str | os.PathLike[str], mapping: Mapping | None) -> tup
 def guess_columns(table: TableFile) -> Mapping:
     """Return the mapping that the names of columns suggest.
 
-    Names are those that `ldcs export` writes, with their units in brackets: `time [s]`, `P1.x [m]` with y and z,
-    `left/pressure [Pa]`, `joint/NAME [rad]`, `pressure_command.left [Pa]`.
+    Names are those that `ldcs export` writes, with their units in brackets: `time [s]`, `P1.x [m]` with or without y
+    and z, `left/pressure [Pa]`, `joint/NAME [rad]`, `pressure_command.left [Pa]`.
 
     Raises:
         MappingError: There is no column of times, or nothing else is known.
@@ -81,14 +82,13 @@ def guess_columns(table: TableFile) -> Mapping:
             commands.append({"columns": [column], "to": start, "arms": [end], **said})
         elif name.endswith("/pressure") or name.startswith("joint/"):
             measurements.append({"columns": [column], "to": name, **said})
-        elif end == "x" and start.isidentifier():
+        elif end in AXES and start.isidentifier():
             group = [
-                other
-                for axis in "xyz"
-                for other, known in named.items()
-                if known == (f"{start}.{axis}", unit)
+                other for axis in AXES for other, known in named.items() if known == (f"{start}.{axis}", unit)
             ]
-            if len(group) == 3:
+            if len(group) != 3:
+                measurements.append({"columns": [column], "to": name, **said})
+            elif column == group[0]:
                 measurements.append({"columns": group, "to": start, **said})
     if time is None or not commands + measurements:
         raise MappingError(
@@ -104,7 +104,8 @@ def columns_mapping(words: list[str]) -> Mapping:
     """Return the mapping of `NAME=COLUMN[,COLUMN...][:UNIT]` words.
 
     NAME is `time`, `pressure_command` (all arms), `pressure_command.ARM`, `torque_command`,
-    `external_wrench.FRAME`, a point, `ARM/pressure` or `joint/NAME`; `initial=start` is a mapping file's.
+    `external_wrench.FRAME`, a point, a coordinate `POINT.AXIS`, `ARM/pressure` or `joint/NAME`; `initial=start` is a
+    mapping file's.
 
     Raises:
         MappingError: A word is not of this form, or a name or unit is not known.

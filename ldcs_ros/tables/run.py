@@ -13,13 +13,13 @@ import numpy as np
 
 from ldcs_ros import __version__, extras
 from ldcs_ros.errors import RecordingError, one_line
+from ldcs_ros.schema.units import AXES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
 
-AXES = ("x", "y", "z")
 SUFFIXES = (".csv", ".parquet", ".nc")
 # Prefix or suffix of a channel's name -> the variable of a dataset, its dimension, its unit.
 _PRESSURE, _COMMAND, _JOINT = "/pressure", "pressure_command.", "joint/"
@@ -46,11 +46,14 @@ class Run:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """Every number of the channels over time by `NAME [UNIT]`, without the time, shape (n,) each."""
+        """Every number of the channels over time by `NAME [UNIT]`, without the time, shape (n,) each.
+
+        A coordinate that is never known has no column.
+        """
         found: dict[str, np.ndarray] = {}
         for name, values in self.channels.items():
             if values.ndim == 2:
-                found |= {f"{name}.{axis} [m]": values[:, k] for k, axis in enumerate(AXES)}
+                found |= {f"{name}.{AXES[k]} [m]": values[:, k] for k in known_axes(values)}
             else:
                 found[f"{name} [{'rad' if name.startswith(_JOINT) else 'Pa'}]"] = values
         return found
@@ -109,9 +112,9 @@ class Run:
         panels: dict[str, dict[str, np.ndarray]] = {}
         for name, values in self.channels.items():
             if values.ndim == 2:
-                moved = 1e3 * (values - values[np.argmax(np.isfinite(values).all(axis=1))])
+                first = values[np.argmax(np.isfinite(values), axis=0), range(3)]
                 panels.setdefault("displacement [mm]", {}).update(
-                    {f"{name}.{axis}": moved[:, k] for k, axis in enumerate(AXES)}
+                    {f"{name}.{AXES[k]}": 1e3 * (values - first)[:, k] for k in known_axes(values)}
                 )
             elif name.startswith(_JOINT):
                 panels.setdefault("joint angle [deg]", {})[_label(name)] = np.rad2deg(values)
@@ -155,6 +158,12 @@ class Run:
                 parquet.write_table(arrow.table({"time [s]": self.time, **self.columns}), file)
         except OSError as error:
             raise RecordingError(f"{file} cannot be written: {one_line(error)}") from error
+
+
+def known_axes(values: np.ndarray) -> list[int]:
+    """Return the coordinates of positions, shape (n, 3), that are known at some time; all if none is."""
+    known = np.flatnonzero(np.isfinite(values).any(axis=0))
+    return known.tolist() if len(known) else [0, 1, 2]
 
 
 def write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:

@@ -8,7 +8,8 @@ import pytest
 from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.alignment import estimate_offset
 from ldcs_ros.compare.comparison import Options, compare
-from ldcs_ros.signals.series import AXES, Series, without_spikes
+from ldcs_ros.schema.units import AXES
+from ldcs_ros.signals.series import Series, without_spikes
 
 
 def lift(time):

@@ -9,9 +9,10 @@ from ldcs_ros.bags import read_bag
 from ldcs_ros.compare.comparison import Options, compare
 from ldcs_ros.compare.difference import channel_difference, field_difference
 from ldcs_ros.errors import RecordingError
+from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals import MappingError
 from ldcs_ros.signals.mapping import parse_mapping
-from ldcs_ros.signals.series import AXES, Series, clean
+from ldcs_ros.signals.series import Series, clean
 
 
 def series(time, value, *, unit="m", smooth=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,25 @@ def test_the_hidden_gain_is_found_from_the_table(table, tmp_path, capsys):
     words += ["--starts", "1", "--processes", "1", "-o", str(tmp_path / "mine.yaml"), "--columns", *WORDS]
     assert main(words) == 0, capsys.readouterr()
     assert load_scene(tmp_path / "mine.yaml").effect("arms").pressure_gain == pytest.approx(0.8e-6, rel=0.01)
+
+
+def test_one_measured_coordinate_gives_the_gain_and_is_compared(table, tmp_path, capsys):
+    words = [*WORDS[:3], "P1.z=z:mm"]
+    experiment = read_experiment(table, load_scene("rig"), mapping=columns_mapping(words))
+    assert experiment.count == 31 and np.isfinite(experiment.position[:, 0, 2]).all()
+    fit = ["identify", str(table), "--scene", "rig", "--fit", "effects.arms.pressure_gain=5e-7..2e-6"]
+    fit += ["--starts", "1", "--processes", "1", "-o", str(tmp_path / "mine.yaml"), "--columns", *words]
+    assert main(fit) == 0, capsys.readouterr()
+    assert load_scene(tmp_path / "mine.yaml").effect("arms").pressure_gain == pytest.approx(0.8e-6, rel=0.01)
+    again = ["replay", str(table), "--scene", str(tmp_path / "mine.yaml"), "--bag", str(tmp_path / "twin")]
+    assert main([*again, "--columns", *words]) == 0, capsys.readouterr()
+    capsys.readouterr()
+    beside = ["compare", str(tmp_path / "twin"), str(table), "--columns-b", *words, "--json"]
+    assert main([*beside, "-o", str(tmp_path / "report")]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert list(report["channels"]) == ["P1.z"]
+    assert report["channels"]["P1.z"]["figures"]["value"]["rms"] == pytest.approx(1e-4, rel=0.5)
+    assert not any("P1" in line for line in report["only"])
 
 
 def test_a_table_needs_a_scene(table, capsys):

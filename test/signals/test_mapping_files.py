@@ -31,7 +31,7 @@ def test_the_example_in_the_documentation_is_a_mapping(tmp_path):
     ]
     assert mapping.commands[0].scale == 100.0 and mapping.commands[0].arms == ("right", "left")
     assert mapping.commands[1].offset == 0.0 and mapping.commands[0].offset is None
-    assert [source.to for source in mapping.measurements] == ["P0", "left/pressure"]
+    assert [source.to for source in mapping.measurements] == ["P0", "left/pressure", "P1.z"]
     assert mapping.measurements[0].scale == 1e-3 and mapping.measurements[1].index == 0
 
 
@@ -52,7 +52,10 @@ TRACKER = {"topic": "/tracker", "to": "P0"}
         ({"commands": [{"to": "pressure_command"}]}, "expected either topic or columns"),
         ({"commands": [{**VALVES, "columns": ["p"]}]}, "expected either topic or columns"),
         ({"commands": [{"to": "pressure_command", "columns": ["p"]}]}, "expected a topic, or time"),
-        ({"commands": [VALVES], "time": {"column": "t"}}, r"expected columns, as time names .* @ commands\[0\]"),
+        (
+            {"commands": [VALVES], "time": {"column": "t"}},
+            r"expected columns, as time names .* @ commands\[0\]",
+        ),
         ({"commands": [VALVES], "time": {"name": "t"}}, "unknown key 'name'"),
         ({"commands": [{**VALVES, "to": "pressure"}]}, "expected one of .*pressure_command"),
         ({"commands": [{**VALVES, "unit": "mm"}]}, r"'mbar'.*@ commands\[0\].unit"),
@@ -65,6 +68,10 @@ TRACKER = {"topic": "/tracker", "to": "P0"}
         ({"commands": [VALVES], "gap": 0}, "@ gap"),
         ({"measurements": [{**TRACKER, "to": "a/b"}]}, "expected a point such as P0"),
         ({"measurements": [{**TRACKER, "rotation": [0, 0, 0, 2]}]}, "unit quaternion"),
+        (
+            {"measurements": [{**TRACKER, "to": "P1.z", "rotation": [0, 0.6, 0, 0.8]}]},
+            "reverses the axis of P1.z",
+        ),
         ({"measurements": [{**TRACKER, "translation": [0, 0]}]}, "a list of 3 numbers"),
         ({"measurements": [{**TRACKER, "index": -1}]}, "at least 0"),
         ({"measurements": [{**TRACKER, "topic": 3}]}, "expected text"),

@@ -58,6 +58,29 @@ def test_a_laboratorys_csv_becomes_si_in_the_frame_of_the_base(lab):
     assert recording.duration == pytest.approx(0.020)
 
 
+def test_one_measured_coordinate_is_read_alone_and_written_again(tmp_path):
+    # A laser 0.4 m above the base looks down; a logger counts seconds since 1970.
+    table, topics = tmp_path / "laser.tsv", tmp_path / "laser.yaml"
+    table.write_text("epoch\tp\td\n1732712400,25\t0\t390,5\n1732712400,50\t10\t\n1732712400,75\t10\t380\n")
+    topics.write_text("""\
+time: {column: epoch}
+commands: [{columns: [p], to: pressure_command, unit: kPa}]
+measurements: [{columns: [d], to: P1.z, unit: mm, translation: [0, 0, 0.4], rotation: [1, 0, 0, 0]}]
+""")
+    recording, mapping = open_recording(table, load_mapping(topics))
+    signals = read_signals(recording, name="laser", mapping=mapping, measured=True)
+    found = signals.series["P1.z"]
+    np.testing.assert_allclose(found.value, [[0.0095], [0.02]], atol=1e-12)
+    np.testing.assert_allclose(found.time, [0.0, 0.5], atol=1e-6)
+    assert signals.channel("P1.z") is found and signals.channel("P1.x") is None
+    run = run_of(recording, mapping)
+    assert "P1.z [m]" in run.columns and "P1.x [m]" not in run.columns
+    run.plot()
+    run.write(tmp_path / "again.csv")
+    again = run_of(*open_recording(tmp_path / "again.csv", None))
+    np.testing.assert_array_equal(again.channels["P1"], run.channels["P1"])
+
+
 def test_its_commands_reach_the_arms_that_the_mapping_names(lab):
     recording, mapping = open_recording(lab, load_mapping(lab.with_suffix(".yaml")))
     simulation = load_scene("rig").without_schedule().build()
@@ -175,6 +198,9 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, text, words, e
         (["time=t", "P1=x,y,z:inches"], "inch"),
         (["time=t", "P1"], "expected NAME=COLUMN,...:UNIT"),
         (["time=t", "external_wrench=x,y,z"], "got no frame"),
+        (["time=t", "P1.q=z:mm"], "expected a point such as P0, a coordinate such as P1.z"),
+        (["time=t", "P1=x,y,z", "P1.z=h"], "got P1.z twice"),
+        (["time=t", "P1.z=x,y,z"], "got 3 columns, expected 1"),
         (["time=t"], "nothing is mapped"),
     ],
 )
