@@ -125,6 +125,44 @@ class Model:
         self.prescribe(0.0, q, u)
         return q, u
 
+    def coordinates_of(
+        self,
+        position: np.ndarray,
+        velocity: np.ndarray | None = None,
+        link_angle: np.ndarray | None = None,
+        link_rate: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return coordinates and rates of a given shape; nodes in holes keep their reference position.
+
+        Args:
+            position: Node positions in ldcs_base [m], shape (n_nodes, 3).
+            velocity: Node velocities in ldcs_base [m/s], same shape; None for a sheet at rest.
+            link_angle: Link angles [rad], shape (n_arms, n_links); None for straight arms.
+            link_rate: Their rates [rad/s], same shape; None for arms at rest.
+
+        Raises:
+            ValueError: A shape is wrong or a number is not finite.
+        """
+        q, u = self.reference_state()
+        n, nodes = 3 * self.lattice.n_nodes, (self.lattice.n_nodes, 3)
+        links = (0, 0) if self.arms is None else (self.arms.n_arms, self.arms.n_links)
+        for name, value, target, shape in (
+            ("position", position, q[:n], nodes),
+            ("velocity", velocity, u[:n], nodes),
+            ("link_angle", link_angle, q[n:], links),
+            ("link_rate", link_rate, u[n:], links),
+        ):
+            if value is None:
+                continue
+            array = np.array(value, dtype=float)
+            if array.shape == nodes:
+                array[self.lattice.missing] = target.reshape(-1, 3)[self.lattice.missing]
+            if array.shape != shape or not np.isfinite(array).all():
+                got = f"shape {array.shape}" if array.shape != shape else "a number that is not finite"
+                raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
+            target[:] = array.ravel()
+        return q, u
+
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
         """Write the prescribed coordinates and rates at a time [s] into q and u; nodes in holes stay where they are."""
         for term in self.prescribing:

@@ -23,8 +23,10 @@ from ldcs_ros.simulation.command_directions import (
 if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
-MOST_DENSE = 2000
-"""Free coordinates up to which eigenvalues are those of dense matrices."""
+MOST_DENSE = 700
+"""Free coordinates up to which all eigenvalues of dense matrices cost less than a search for one."""
+LEAST_SEARCHED = 6
+"""Modes that a search finds at least: the nearest to its shift are not always the lowest."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +118,22 @@ def natural_modes(
     The mass matrix normalises the shapes, shape (n_free, count).
     """
     stiff, mass = -0.5 * (by_q + by_q.T), mass_matrix(model, q)
-    count = min(count, len(model.free))
-    if len(model.free) <= MOST_DENSE:
+    size = len(model.free)
+    count = min(count, size)
+    if size <= MOST_DENSE:
         values, shapes = linalg.eigh(stiff.toarray(), mass.toarray(), subset_by_index=[0, count - 1])
         return values, shapes
-    values, shapes = sparse_linalg.eigsh(stiff, count, mass, sigma=0.0)
-    order = np.argsort(values)
-    return values[order], shapes[:, order]
+    # A shift a little below zero is no eigenvalue of a free sheet, and finds the slowest motions.
+    shift = -1e-6 * largest_eigenvalue(model, q, by_q)
+    searched = max(count, LEAST_SEARCHED)
+    values, shapes = sparse_linalg.eigsh(stiff, searched, mass, sigma=shift, v0=np.ones(size))
+    lowest = np.argsort(values)[:count]
+    return values[lowest], shapes[:, lowest]
+
+
+def largest_eigenvalue(model: Model, q: np.ndarray, by_q: sparse.csc_matrix) -> float:
+    """Return the largest eigenvalue of M^-1 times the stiffness [1/s^2], estimated by its diagonal."""
+    return float(np.max(np.abs(by_q.diagonal()) / mass_matrix(model, q).diagonal(), initial=0.0))
 
 
 def linearize(at: OperatingPoint, modes: int = 12) -> LinearModel:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ldcs_ros.errors import CommandError, SceneError, SolverError
+from ldcs_ros.errors import SceneError, SolverError
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
@@ -23,6 +23,7 @@ from ldcs_ros.simulation.follower import StepFollower
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.readable import ReadableSimulation
+from ldcs_ros.simulation.schedule import Schedule
 from ldcs_ros.simulation.statistics import Statistics
 from ldcs_ros.simulation.threads import one_thread
 
@@ -76,9 +77,10 @@ class Simulation(ReadableSimulation):
         self._pace: Pace
         self._taken: tuple[tuple[float, int], Step, State] | None = None
         self.statistics = Statistics()
+        self._schedule = Schedule(scene.inputs, self.inputs)
         # A command that will be refused in ten minutes is refused now.
-        self.time, self._next_command = 0.0, 0
-        self._run_schedule(math.inf)
+        self.time = 0.0
+        self._schedule.run_commands(math.inf)
         self.reset()
 
     def reset(self, state: State | None = None) -> None:
@@ -93,14 +95,14 @@ class Simulation(ReadableSimulation):
             self._restore(state)
             return
         self.time = 0.0
-        self._next_command = 0
+        self._schedule.position = 0
         self.inputs.clear()
         self.integrator.recall(self._initial_state)
         self.integrator.counters = Counters()
         self.statistics = Statistics()
         q, u = self.model.reference_state()
         self._begin(q, u)
-        self._run_schedule(0.0)
+        self._schedule.run_commands(0.0)
         limit = self.integrator.stability_limit(self._step.right, self.inputs.held())
         dt = self.scene.solver.dt
         if dt is not None and dt > limit:
@@ -131,24 +133,7 @@ class Simulation(ReadableSimulation):
         Raises:
             ValueError: A shape is wrong or a number is not finite; nothing changed.
         """
-        q, u = self.model.reference_state()
-        n, arms = 3 * self.lattice.n_nodes, self.model.arms
-        link_shape = (0, 0) if arms is None else (arms.n_arms, arms.n_links)
-        for name, value, target, shape in (
-            ("position", position, q[:n], (self.lattice.n_nodes, 3)),
-            ("velocity", velocity, u[:n], (self.lattice.n_nodes, 3)),
-            ("link_angle", link_angle, q[n:], link_shape),
-            ("link_rate", link_rate, u[n:], link_shape),
-        ):
-            if value is None:
-                continue
-            array = np.array(value, dtype=float)
-            if array.shape == (self.lattice.n_nodes, 3):
-                array[self.lattice.missing] = target.reshape(-1, 3)[self.lattice.missing]
-            if array.shape != shape or not np.isfinite(array).all():
-                got = f"shape {array.shape}" if array.shape != shape else "a number that is not finite"
-                raise ValueError(f"{name}: got {got}, expected finite numbers of shape {shape}")
-            target[:] = array.ravel()
+        q, u = self.model.coordinates_of(position, velocity, link_angle, link_rate)
         self.model.prescribe(self.time, q, u)
         self.integrator.recall(self._initial_state)
         self._begin(q, u)
@@ -207,7 +192,7 @@ class Simulation(ReadableSimulation):
             self._pace,
             self._held,
             waiting,
-            self._next_command,
+            self._schedule.position,
             self._last_command_time,
             self._next_command_time,
             self.inputs.get_state(),
@@ -280,7 +265,7 @@ class Simulation(ReadableSimulation):
         time = max([self.time, *(command.time for command in self.scene.inputs), *self.model.breakpoints])
         try:
             self.time = time
-            self._run_schedule(time)
+            self._schedule.run_commands(time)
             self.inputs.settle()
             q, _ = self.model.reference_state()
             q[self.model.free] = self._step.at(before.time, self.model).q[self.model.free]
@@ -330,7 +315,7 @@ class Simulation(ReadableSimulation):
         """Return a simulation that goes on from the present state by the usual one-step method at an accuracy [m]."""
         method = {"integrator": DEFAULT_INTEGRATOR, "accuracy": accuracy}
         other, motion = Simulation(self.scene.edited({"solver": method})), self.motion()
-        other.time, other._next_command = self.time, self._next_command
+        other.time, other._schedule.position = self.time, self._schedule.position
         other.inputs.set_state(self.inputs.get_state())
         other._begin(motion.q, motion.u)
         return other
@@ -357,13 +342,14 @@ class Simulation(ReadableSimulation):
     def _advance(self, time: float) -> None:
         self._take_commands()
         while True:
-            event = self._next_event()
+            event = self._schedule.next_event()
             stop = time if event > time - TIME_TOLERANCE else event
             self._integrate_to(stop)
             self.time = stop
             if event > time + TIME_TOLERANCE:
                 break
-            self._run_events(stop)
+            self._schedule.run_events(stop)
+            self._take_commands()
 
     def motion(self) -> Motion:
         """Return generalised coordinates, velocities and accelerations at the present time."""
@@ -372,7 +358,7 @@ class Simulation(ReadableSimulation):
     def _integrate_to(self, stop: float) -> None:
         while self._step.right.time < stop - TIME_TOLERANCE:
             start = self._step.right
-            corners = (self._next_event(), self._next_command_time, *self.model.breakpoints)
+            corners = (self._schedule.next_event(), self._next_command_time, *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
             opening = start.time == self._last_command_time
             self._take_step(*self._control.advance(start, self._held, self._pace, barrier, opening=opening))
@@ -409,28 +395,6 @@ class Simulation(ReadableSimulation):
             self.time,
         )
 
-    def _next_event(self) -> float:
-        schedule = self.scene.inputs
-        scheduled = schedule[self._next_command].time if self._next_command < len(schedule) else math.inf
-        return min(scheduled, self.inputs.next_valve_change())
-
-    def _run_events(self, time: float) -> None:
-        while self.inputs.next_valve_change() <= time + TIME_TOLERANCE:
-            self.inputs.apply_valve_change()
-        self._run_schedule(time)
-        self._take_commands()
-
-    def _run_schedule(self, time: float) -> None:
-        schedule = self.scene.inputs
-        while (
-            self._next_command < len(schedule) and schedule[self._next_command].time <= time + TIME_TOLERANCE
-        ):
-            index, self._next_command = self._next_command, self._next_command + 1
-            try:
-                self.inputs.apply_scheduled(schedule[index])
-            except CommandError as error:
-                raise SceneError(f"{error} @ inputs[{index}]") from error
-
     def _origin(self) -> tuple[object, ...]:
         scene = self.scene
         return (
@@ -456,7 +420,7 @@ class Simulation(ReadableSimulation):
                 f"({own} nodes, {self.integrator.name}); use start_from for a shape alone"
             )
         self._step, self._pace, self._held = checkpoint.step, checkpoint.pace, checkpoint.held
-        self._next_command = checkpoint.next_command
+        self._schedule.position = checkpoint.next_command
         self._last_command_time, self._next_command_time = (
             checkpoint.last_command_time,
             checkpoint.next_command_time,

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.sparse.linalg import eigsh
 
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
-from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
+from ldcs_ros.simulation.linear_model import largest_eigenvalue, natural_modes, stiffness_and_damping
 
-# Up to this number of free coordinates all eigenvalues cost less than a search for one.
-DENSE_SIZE = 700
 # Below this fraction of the stiffest direction's eigenvalue a negative one is rounding.
 ROUNDING = 1e-10
 
@@ -58,23 +54,15 @@ def stability(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) ->
         time: Time of the prescribed coordinates [s].
         inputs: Commands, held.
     """
-    n = len(model.free)
     by_position, _ = stiffness_and_damping(model, time, q, np.zeros_like(q), inputs)
-    stiffness, mass = -0.5 * (by_position + by_position.T), mass_matrix(model, q)
-    stiffest = float(np.max(np.abs(stiffness.diagonal()) / mass.diagonal(), initial=0.0))
-    if n <= DENSE_SIZE:
-        values, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, 0])
-    else:
-        # A shift a little below zero finds the slowest motions; the lowest of them is the one that leaves.
-        values, vectors = eigsh(stiffness, 6, mass, sigma=-1e-6 * stiffest, which="LM", v0=np.ones(n))
-    lowest = int(np.argmin(values))
+    values, vectors = natural_modes(model, q, by_position, 1)
+    value, stiffest = float(values[0]), largest_eigenvalue(model, q, by_position)
     coordinates = np.zeros(model.n_coordinates)
-    coordinates[model.free] = vectors[:, lowest]
+    coordinates[model.free] = vectors[:, 0]
     n_nodes = 3 * model.lattice.n_nodes
     direction = coordinates[:n_nodes].reshape(-1, 3)
     largest = direction.flat[int(np.argmax(np.abs(direction)))]
     coordinates = coordinates / (largest if largest != 0.0 else 1.0)
-    value = float(values[lowest])
     return Stability(
         value, coordinates[:n_nodes].reshape(-1, 3).copy(), coordinates, value >= -ROUNDING * stiffest
     )

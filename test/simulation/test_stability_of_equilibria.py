@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros import Simulation, load_scene
+from ldcs_ros.simulation import linear_model
 
 
 def _compressed_strip() -> Simulation:
@@ -74,3 +75,19 @@ def test_a_sheet_with_a_hole_that_nothing_holds_is_unconstrained():
     for lattice in (sheet, holed):
         assert load_scene({"lattice": lattice, "effects": [springs]}).build().model.is_unconstrained
         assert not load_scene({"lattice": lattice, "effects": [springs, clamp]}).build().model.is_unconstrained
+
+
+def test_a_search_finds_the_same_lowest_modes_as_dense_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = _compressed_strip()
+    with pytest.warns(UserWarning, match="unstable"):
+        simulation.settle()
+    at = simulation.operating_point()
+    by_q, _ = linear_model.stiffness_and_damping(at.model, at.time, at.q, at.u, at.held)
+    dense, shapes = linear_model.natural_modes(at.model, at.q, by_q, 3)
+    monkeypatch.setattr(linear_model, "MOST_DENSE", 0)
+    searched, found = linear_model.natural_modes(at.model, at.q, by_q, 3)
+    # The first one is negative: the strip buckles.
+    assert dense[0] < 0.0
+    np.testing.assert_allclose(searched, dense, rtol=1e-6)
+    mass = linear_model.mass_matrix(at.model, at.q)
+    np.testing.assert_allclose(np.abs(found.T @ mass @ shapes), np.eye(3), atol=1e-6)
