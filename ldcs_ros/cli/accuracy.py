@@ -26,8 +26,8 @@ def run_accuracy(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.accuracy.shipped_cases import shipped_cases
     from ldcs_ros.study.accuracy.violent_cases import violent_cases
 
-    first = arguments.first_seed
-    drawn = [random_case(seed) for seed in range(first, first + arguments.scenes)]
+    first = arguments.first_seed or 0
+    drawn = [random_case(seed) for seed in range(first, first + (arguments.scenes or 60))]
     cases = [*shipped_cases(), *violent_cases(), *drawn]
     cases = [case for case in cases if arguments.only in case.name]
     found: list[Pair] = []

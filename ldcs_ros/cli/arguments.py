@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
+from pathlib import Path
 
 from ldcs_ros.errors import LdcsError
+
+PICTURES = (".png", ".pdf", ".svg")
 
 
 class CommandLineError(LdcsError, ValueError):
@@ -28,6 +32,29 @@ def add_picture_arguments(parser: argparse.ArgumentParser) -> None:
         default="screen",
         help="for print: one column (88 mm) or a whole page (180 mm), without headings; screen",
     )
+
+
+def only_with(companion: str, given: Mapping[str, object]) -> None:
+    """Refuse options that would be ignored, as the one that they go with is not there.
+
+    Args:
+        companion: The missing option, in words.
+        given: Values of the options by name; None, '', [] and False are not given.
+
+    Raises:
+        CommandLineError: One is given.
+    """
+    for option, value in given.items():
+        if value is not None and value is not False and value != "" and value != []:
+            raise CommandLineError(f"{option} goes with {companion}, which is not given")
+
+
+def picture(text: str) -> Path:
+    """Return the path of a picture, whose suffix says its format."""
+    path = Path(text)
+    if path.suffix.lower() not in PICTURES:
+        raise argparse.ArgumentTypeError(f"got '{text}', expected a file that ends in {', '.join(PICTURES)}")
+    return path
 
 
 def seconds(text: str) -> float:
@@ -53,6 +80,11 @@ def seed(text: str) -> int:
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"seed is '{text}', expected a whole number, 0 or above")
     return int(text)
+
+
+def hertz(text: str) -> float:
+    """Return a rate, above zero and finite."""
+    return _positive(text, what="rate", unit="Hz")
 
 
 def count(text: str) -> int:

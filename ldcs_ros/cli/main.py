@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib
 import io
 import os
@@ -16,6 +15,7 @@ from typing import NamedTuple, NoReturn
 from ldcs_ros import __version__
 from ldcs_ros.cli.arguments import CommandLineError
 from ldcs_ros.errors import LdcsError, user_path
+from ldcs_ros.schema.fields import did_you_mean
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
@@ -56,6 +56,20 @@ VERBS: dict[str, Verb] = {
 
 class OneLineParser(argparse.ArgumentParser):
     """An argument parser whose complaint is one line that names the help to read."""
+
+    def check_options(self, words: Sequence[str]) -> None:
+        """Refuse an option that the verb does not have, before the ones that it lacks.
+
+        Raises:
+            CommandLineError: There is one; the message names the nearest option.
+        """
+        for word in words[: words.index("--") if "--" in words else None]:
+            option = word.partition("=")[0]
+            if option.startswith("--") and option not in self._option_string_actions:
+                hint = did_you_mean(option, self._option_string_actions)
+                raise CommandLineError(
+                    f"unknown option '{option}', see `{self.prog} --help`.{hint}".rstrip(".")
+                )
 
     def error(self, message: str) -> NoReturn:
         raise CommandLineError(f"{message}; see `{self.prog} --help`")
@@ -104,9 +118,9 @@ def _dispatch(words: list[str]) -> int:
         return 0
     name = words[0]
     if name not in VERBS:
-        near = difflib.get_close_matches(name, VERBS, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise CommandLineError(f"unknown verb '{name}', expected one of {list(VERBS)}{hint}")
+        raise CommandLineError(
+            f"unknown verb '{name}', expected one of {list(VERBS)}.{did_you_mean(name, VERBS)}"
+        )
     module = importlib.import_module(VERBS[name].module)
     parser = OneLineParser(
         prog=f"ldcs {name}",
@@ -117,6 +131,7 @@ def _dispatch(words: list[str]) -> int:
     )
     module.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object, for machines")
+    parser.check_options(words[1:])
     arguments = parser.parse_args(words[1:])
     for option, value in vars(arguments).items():
         if isinstance(value, Path):
@@ -132,7 +147,7 @@ def _overview() -> str:
     verbs = "\n".join(f"  {name:<{width}}  {verb.summary}" for name, verb in VERBS.items())
     return (
         "usage: ldcs <verb> [options]\n\n"
-        "A digital twin of a soft surface that two arms bend. Needs no ROS.\n\n"
+        "The digital twin of a soft surface that arms bend. Needs no ROS.\n\n"
         f"verbs:\n{verbs}\n\n"
         "`ldcs <verb> --help` explains one verb, with an example. Start with:\n"
         "  ldcs simulate paper --duration 3 --bag out/first && ldcs plot out/first\n\n"

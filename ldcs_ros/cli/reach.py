@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ldcs_ros.cli.arguments import CommandLineError, metres, seconds, seed
+from ldcs_ros.cli.arguments import CommandLineError, count, hertz, metres, only_with, picture, seconds, seed
 from ldcs_ros.cli.output import print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
 from ldcs_ros.errors import SceneError, one_line
@@ -79,11 +79,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fastest change of a command [1/s]",
     )
     parser.add_argument(
-        "--interval", metavar="S", type=seconds, default=0.1, help="time between the knots of a course [s]"
+        "--interval", metavar="S", type=seconds, help="time between the knots of a course [s]; 0.1"
     )
-    parser.add_argument(
-        "--rate", metavar="HZ", type=float, default=50.0, help="rate of the commands of a course [1/s]"
-    )
+    parser.add_argument("--rate", metavar="HZ", type=hertz, help="rate of the commands of a course [1/s]; 50")
     parser.add_argument("--course", metavar="FILE", type=Path, help="CSV file to write the course to")
     parser.add_argument(
         "--vary",
@@ -94,27 +92,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "pressure.* means the pressure of every arm",
     )
     parser.add_argument(
-        "--starts", metavar="N", type=int, default=1, help="starting points; each may find another solution"
+        "--starts", metavar="N", type=count, default=1, help="starting points; each may find another solution"
     )
     parser.add_argument("--seed", metavar="N", type=seed, default=0, help="seed of the starting points")
     parser.add_argument(
         "--tolerance", metavar="M", type=metres, default=1e-5, help="distance that counts as reached [m]"
     )
     parser.add_argument(
-        "-o", "--output", metavar="FILE", type=Path, help="picture of the rest state (png, pdf, svg)"
+        "-o", "--output", metavar="FILE", type=picture, help="picture of the rest state (png, pdf, svg)"
     )
     add_set(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the solutions; exit status 0, or 1 if the nearest one is not near enough."""
-    if not 1 <= arguments.starts <= 1000:
+    if arguments.starts > 1000:
         raise CommandLineError(f"--starts: got {arguments.starts}, expected 1 ... 1000")
     aims = bool(arguments.targets) or arguments.shape is not None
     if aims + (arguments.workspace is not None) + (arguments.trajectory is not None) != 1:
         raise CommandLineError(
             "reach needs --target, --shape or both, or else --workspace POINT or --trajectory FILE alone"
         )
+    if arguments.trajectory is None:
+        names = ("at", "slew", "interval", "rate", "course")
+        only_with("--trajectory", {f"--{name}": getattr(arguments, name) for name in names})
     targets = [_target(text) for text in arguments.targets]
     scene = scene_with(arguments.scene, arguments.overrides)
     simulation = scene.build()
@@ -142,8 +143,8 @@ def _follow(arguments: argparse.Namespace, scene: Scene, variables: list[Variabl
         scene,
         trajectory,
         variables,
-        interval=arguments.interval,
-        rate=arguments.rate,
+        interval=arguments.interval or 0.1,
+        rate=arguments.rate or 50.0,
         progress=lambda text: print(f"ldcs: {text}", file=sys.stderr),
     )
     reached = found.rms <= arguments.tolerance

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
+from ldcs_ros.cli.arguments import picture
 from ldcs_ros.cli.output import print_json
 from ldcs_ros.cli.scene_argument import add_set, scene_with
 from ldcs_ros.errors import SceneError
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="pressure.ARM, torque.ARM, torque.JOINT, wrench.POINT.force, or a path such as effects.payload.mass",
     )
     parser.add_argument(
-        "-o", "--output", metavar="FILE", type=Path, help="picture of the values (png, pdf, svg)"
+        "-o", "--output", metavar="FILE", type=picture, help="picture of the values (png, pdf, svg)"
     )
     add_set(parser)
 

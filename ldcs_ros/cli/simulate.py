@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ldcs_ros.cli.arguments import CommandLineError, metres, seconds, seed
+from ldcs_ros.cli.arguments import CommandLineError, metres, only_with, seconds, seed
 from ldcs_ros.cli.interruption import Interruption
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
@@ -75,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError(
             "simulate needs --duration S (how long to run, in seconds), or --settle, or both"
         )
+    if arguments.bag is None:
+        only_with("--bag", {"--detail": arguments.detail})
     from ldcs_ros.twin.settings import RunSettings
     from ldcs_ros.twin.twin import Twin
 

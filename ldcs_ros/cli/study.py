@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ldcs_ros.cli.arguments import CommandLineError
+from ldcs_ros.cli.arguments import CommandLineError, count, only_with, seed
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 
 if TYPE_CHECKING:
@@ -75,13 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--slow", action="store_true", help="with --hard: cases of a minute and more, too")
     parser.add_argument(
-        "--scenes", metavar="N", type=int, default=60, help="with --accuracy: random scenes; 60 if not given"
+        "--scenes", metavar="N", type=count, help="with --accuracy: random scenes; 60 if not given"
     )
     parser.add_argument(
         "--first-seed",
         metavar="N",
-        type=int,
-        default=0,
+        type=seed,
         help="with --accuracy: seed of the first random scene; another one draws fresh scenes",
     )
     parser.add_argument(
@@ -125,6 +124,12 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.targets import targets
     from ldcs_ros.study.timing import machine
 
+    if arguments.preset != "accuracy":
+        only_with("--accuracy", {"--scenes": arguments.scenes, "--first-seed": arguments.first_seed})
+    if arguments.preset != "hard":
+        only_with("--hard", {"--slow": arguments.slow})
+    if arguments.preset not in ("hard", "accuracy"):
+        only_with("--hard or --accuracy", {"--only": arguments.only})
     if arguments.preset == "hard":
         return run_hard_cases(arguments)
     if arguments.preset == "accuracy":

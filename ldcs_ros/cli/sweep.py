@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ldcs_ros.cli.arguments import CommandLineError, add_picture_arguments, count, seconds, seed
+from ldcs_ros.cli.arguments import CommandLineError, add_picture_arguments, count, only_with, seconds, seed
 from ldcs_ros.cli.output import Progress, print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
 
@@ -56,7 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples",
         metavar="N",
         type=count,
-        default=64,
         help="latin: samples; sobol: base samples, a power of 2, of which N (factors + 2) are evaluated; 64",
     )
     parser.add_argument("--seed", metavar="N", type=seed, default=0, help="seed of drawn samples; 0")
@@ -80,8 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.output.suffix != ".csv":
         raise CommandLineError(f"got {arguments.output}, expected a file that ends in .csv @ -o")
+    if arguments.sampling == "grid":
+        only_with("--sampling latin or sobol", {"--samples": arguments.samples})
     factors = tuple(map(parse_factor, arguments.over))
-    design = Design(factors, arguments.sampling, arguments.samples, arguments.seed)
+    design = Design(factors, arguments.sampling, arguments.samples or 64, arguments.seed)
     scene = scene_with(arguments.scene, arguments.overrides)
     sweep = Sweep(scene, design, tuple(arguments.measures), arguments.duration)
     with Progress(1.0, label=f"sweep {scene.name}", unit="", quiet=arguments.json) as bar:

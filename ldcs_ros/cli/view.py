@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ldcs_ros.cli.arguments import CommandLineError, instant
+from ldcs_ros.cli.arguments import CommandLineError, instant, only_with
 from ldcs_ros.cli.output import Progress, open_bag, print_json
 
 if TYPE_CHECKING:
@@ -72,8 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandLineError("view needs a BAG, or --live for a running twin, and not both")
     if arguments.live is not None:
         return _run_live(arguments)
-    if arguments.panel:
-        raise CommandLineError("--panel controls a running twin; give --live")
+    only_with("--live", {"--panel": arguments.panel})
 
     recording = open_bag(arguments.bag)
     if arguments.markers is not None:

@@ -112,6 +112,11 @@ def read_experiment(
         if (track := signals.channel(f"{point}.{axis}")) is not None
     }
     points = tuple(dict.fromkeys(point for point, _ in tracks))
+    warnings += [
+        f"{channel} is of no point of the scene {list(scene.points)}"
+        for channel, series in signals.series.items()
+        if series.unit == "m" and channel.partition(".")[0] not in scene.points
+    ]
     if not points:
         raise IdentificationError(
             f"{name} has no tracker positions of the points {list(scene.points)} of the scene, "

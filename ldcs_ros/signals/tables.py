@@ -15,10 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros.bags import Message, Recording, read_bag
+from ldcs_ros.bags.reader import STORAGE_SUFFIXES
 from ldcs_ros.errors import MappingError, RecordingError
+from ldcs_ros.schema.fields import did_you_mean
 from ldcs_ros.schema.units import AXES
 from ldcs_ros.signals.mapping import COMMANDS, CommandSource, Mapping, MeasurementSource, parse_mapping
 from ldcs_ros.tables.read import NO_TIME, TableFile, is_table, open_table
+from ldcs_ros.tables.read import SUFFIXES as TABLES
 
 _SCALAR, _POINT, _VECTOR, _ARRAY = (
     "std_msgs/msg/Float64",
@@ -51,6 +54,11 @@ def open_recording(path: str | os.PathLike[str], mapping: Mapping | None) -> tup
         if mapping is not None and mapping.time_column is not None:
             raise MappingError(
                 f"{file} is a bag, and the mapping is for a table; name topics in place of columns"
+            )
+        if file.is_file() and file.suffix not in STORAGE_SUFFIXES:
+            raise RecordingError(
+                f"{file} is no table ({', '.join(TABLES)}) and no bag (a folder, {', '.join(STORAGE_SUFFIXES)}); "
+                "save a spreadsheet as CSV"
             )
         return read_bag(file), mapping
     table = open_table(file)
@@ -130,6 +138,11 @@ def columns_mapping(words: list[str]) -> Mapping:
             where: dict[str, object] = {key: place if key == "frame" else [place]} if place else {}
             commands.append({"columns": columns, "to": target, **where, **said})
         else:
+            if name.isidentifier() and len(columns) != 3:
+                raise MappingError(
+                    f"got {word!r}: a point has the columns of x, y and z, one coordinate of it is {name}.z=COLUMN."
+                    f"{did_you_mean(name, [*COMMANDS, 'time', 'initial'])} @ --columns"
+                )
             measurements.append({"columns": columns, "to": name, **said})
     if "time" not in content:
         raise MappingError("got no column of times, expected one such as time=t:ms @ --columns")

@@ -25,11 +25,14 @@ from ldcs_ros.schema.fields import did_you_mean
 if TYPE_CHECKING:
     from pyarrow import Table
 
-SUFFIXES = (".csv", ".tsv", ".parquet")
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet")
 LARGEST_FILE = 512_000_000
 """Size from which on a file is refused [bytes]."""
 SEPARATORS = (",", ";", "\t")
-_FRACTION = re.compile(r"\.(\d+)")
+_FRACTION = re.compile(r"[.,](\d+)")
+# Day, month and year with dots between are in this order everywhere; with slashes they are not.
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})(?=\D)")
+_LEFT_OUT = "; lines that begin with # are left out"
 _NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 
 
@@ -55,7 +58,8 @@ class TableFile(Protocol):
     def times(self, name: str, scale: float) -> np.ndarray:
         """Return a column of times [ns], int64, shape (n_rows,); the least int64 where a cell is empty.
 
-        Dates with a time of day (ISO 8601, UTC without an offset) are taken as such, numbers times `scale` [s].
+        Dates with a time of day (ISO 8601, or day.month.year; UTC without an offset) are taken as such, numbers times
+        `scale` [s].
 
         Raises:
             RecordingError: As `column`.
@@ -122,7 +126,8 @@ class _Csv:
         for line, row in zip(self._lines, self._rows, strict=True):
             if len(row) > len(self.names) and any(cell.strip() for cell in row[len(self.names) :]):
                 raise RecordingError(
-                    f"{path}, line {line}: got {len(row)} cells, expected {len(self.names)}: one for each column name"
+                    f"{path}, line {line}: got {len(row)} cells, expected {len(self.names)}: one for each column name "
+                    f"of line {numbered[0][0]}; begin lines above the names with #"
                 )
 
     def column(self, name: str) -> np.ndarray:
@@ -130,10 +135,16 @@ class _Csv:
 
     def times(self, name: str, scale: float) -> np.ndarray:
         index = find(self, name)
-        first = next(
-            (row[index].strip() for row in self._rows if index < len(row) and row[index].strip()), ""
+        cells = (row[index].strip() if index < len(row) else "" for row in self._rows)
+        line, first = next(
+            ((line, cell) for line, cell in zip(self._lines, cells, strict=True) if cell), (0, "")
         )
-        if self._number(first) is not None or _date(first) is None:
+        if self._number(first) is None and _date(first) is None:
+            raise RecordingError(
+                f"{self.name}, line {line}, column {name!r}: got {first[:40]!r}, expected a number, or a date such as "
+                f"2024-05-01 10:00:00.25 or 01.05.2024 10:00:00,25{_LEFT_OUT}"
+            )
+        if self._number(first) is not None:
             return nanoseconds(scale * self.column(name), f"column {name!r} of {self.name}")
         return np.array(
             self._cells(name, lambda text: NO_TIME if _is_nothing(text) else _date(text)), dtype=np.int64
@@ -147,7 +158,7 @@ class _Csv:
             value = convert(text)
             if value is None:
                 raise RecordingError(
-                    f"{self.name}, line {line}, column {name!r}: got {text[:40]!r}, expected a number"
+                    f"{self.name}, line {line}, column {name!r}: got {text[:40]!r}, expected a number{_LEFT_OUT}"
                 )
             found.append(value)
         return found
@@ -233,6 +244,7 @@ def _is_nothing(text: str) -> bool:
 
 def _date(text: str) -> int | None:
     # Python 3.10 reads no Z for UTC, and three or six digits of a second alone.
+    text = _DOTTED.sub(lambda date: f"{date[3]}-{date[2]:0>2}-{date[1]:0>2}", text, count=1)
     text = _FRACTION.sub(lambda digits: f".{digits[1][:6]:0<6}", text).replace("Z", "+00:00")
     try:
         moment = datetime.fromisoformat(text)

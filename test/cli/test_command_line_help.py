@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 import time
@@ -54,7 +55,43 @@ def test_every_verb_explains_itself_with_an_example(name, capsys):
 
 
 def test_an_unknown_verb_is_refused_with_the_nearest_one(refused):
-    assert "did you mean 'simulate'" in refused("simulat", "paper")
+    assert "Did you mean 'simulate'" in refused("simulat", "paper")
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_a_mistyped_option_is_refused_with_the_right_one(name, refused, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    options = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out.partition("example:")[0]))
+    for option in sorted(options):
+        if len(option) > 7:  # a shorter one may be nearest to another
+            typed = option[:3] + option[4:]
+            assert f"Did you mean '{option}'" in refused(name, f"{typed}=1"), typed
+
+
+REACH = ("reach", "rig", "--target", "P1.z=0.05", "--vary", "pressure.left=0..1e5")
+SWEEP = ("sweep", "rig", "--over", "pressure.left=0..1e5:3", "--measure", "P1.z", "--settle", "-o", "x.csv")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((*REACH, "--slew", "pressure.left=1e5"), "--slew goes with --trajectory, which is not given"),
+        ((*REACH, "--rate", "fast"), "rate is 'fast', expected a number in Hz"),
+        ((*REACH, "-o", "picture"), "expected a file that ends in .png, .pdf, .svg"),
+        (
+            ("sensitivity", "rig", "--of", "P1", "--to", "pressure.left", "-o", "x.bmp"),
+            "ends in .png, .pdf, .svg",
+        ),
+        ((*SWEEP, "--samples", "8"), "--samples goes with --sampling latin or sobol"),
+        (("simulate", "paper", "--duration", "1", "--detail"), "--detail goes with --bag"),
+        (("study", "--only", "floor"), "--only goes with --hard or --accuracy"),
+        (("study", "--hard", "--first-seed", "7"), "--first-seed goes with --accuracy"),
+        (("view", "bags/paper", "--panel"), "--panel goes with --live"),
+    ],
+)
+def test_an_option_that_would_be_ignored_or_fail_late_is_refused_at_once(words, expected, refused):
+    assert expected in refused(*words)
 
 
 def test_the_version_is_told(ldcs):

@@ -124,9 +124,12 @@ def test_words_say_the_same_as_a_mapping_file():
 def test_dates_are_times(tmp_path):
     path = tmp_path / "dated.csv"
     path.write_text("when,p\n2024-05-01 10:00:00.25,1\n2024-05-01T10:00:01.5Z,2\n")
-    recording, _ = open_recording(path, columns_mapping(["time=when", "pressure_command=p:bar"]))
-    assert recording.start == 1714557600_250_000_000
-    assert recording.duration == 1.25
+    german = tmp_path / "german.txt"
+    german.write_text("when;p\n01.05.2024 10:00:00,25;1\n1.5.2024 10:00:01,500;2\n")
+    for table in (path, german):
+        recording, _ = open_recording(table, columns_mapping(["time=when", "pressure_command=p:bar"]))
+        assert recording.start == 1714557600_250_000_000
+        assert recording.duration == 1.25
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
@@ -171,8 +174,14 @@ def test_a_twins_bag_keeps_its_schedule_as_commands():
             ["time=t", "pressure_command=p"],
             "line 3, column 'p': got 'zwei', expected a number",
         ),
+        ("t;p\ns;mbar\n0;1\n", ["time=t", "pressure_command=p"], "lines that begin with # are left out"),
+        ("t;p\n13:00:00;1\n", ["time=t", "pressure_command=p"], "or 01.05.2024 10:00:00,25"),
         ("t,p,p\n0,1,2\n", ["time=t", "pressure_command=p"], "2 columns 'p', expected one"),
-        ("t,p\n0,1,2\n", ["time=t", "pressure_command=p"], "line 2: got 3 cells, expected 2"),
+        (
+            "t,p\n0,1,2\n",
+            ["time=t", "pressure_command=p"],
+            "got 3 cells, expected 2: one for each column name of line 1",
+        ),
         ("t,p\n0,\n", ["time=t", "pressure_command=p"], "no row with a number in each"),
         ("", ["time=t", "pressure_command=p"], "is empty"),
         ("t,p\n0,\x001\n", ["time=t", "pressure_command=p"], "is no CSV: it contains NUL"),
@@ -194,7 +203,8 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, text, words, e
     ("words", "expected"),
     [
         (["pressure_command=p"], "no column of times"),
-        (["time=t", "P1=x,y"], "got 2 columns, expected 3"),
+        (["time=t", "P1=x,y"], "a point has the columns of x, y and z, one coordinate of it is P1.z=COLUMN"),
+        (["time=t", "pressurecommand=p"], "Did you mean 'pressure_command'"),
         (["time=t", "P1=x,y,z:inches"], "inch"),
         (["time=t", "P1"], "expected NAME=COLUMN,...:UNIT"),
         (["time=t", "external_wrench=x,y,z"], "got no frame"),
