@@ -123,7 +123,6 @@ class Recording:
         *,
         name: str = "a run in memory",
         custom_data: Mapping[str, str] | None = None,
-        decoder: Decoder | None = None,
     ) -> Recording:
         """Return a recording in memory, of messages in the order of their emission."""
         ordered = sorted(messages, key=lambda message: message.time)
@@ -133,7 +132,7 @@ class Recording:
             counts[message.topic] = counts.get(message.topic, 0) + 1
             topics.setdefault(message.topic, TopicInfo(message.type))
         start, end = (ordered[0].time, ordered[-1].time) if ordered else (0, 0)
-        return cls(name, topics, counts, dict(custom_data or {}), start, end, _Memory(ordered, decoder))
+        return cls(name, topics, counts, dict(custom_data or {}), start, end, _Memory(ordered))
 
 
 @dataclass(frozen=True)
@@ -194,15 +193,12 @@ class _Decoded(Sequence[Any]):
 class _Memory:
     """Messages held in a list."""
 
-    def __init__(self, ordered: Sequence[Message], decoder: Decoder | None) -> None:
+    def __init__(self, ordered: Sequence[Message]) -> None:
         self._ordered = ordered
-        self._decoder = decoder
 
-    @property
+    @cached_property
     def decoder(self) -> Decoder:
-        if self._decoder is None:
-            self._decoder = Schemas().typestore
-        return self._decoder
+        return Schemas().typestore
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         return (message for message in self._ordered if topics is None or message.topic in topics)

@@ -154,7 +154,7 @@ def _follow(arguments: argparse.Namespace, scene: Scene, variables: list[Variabl
         lines += [",".join(f"{value:.9g}" for value in row) for row in zip(*table, strict=True)]
         arguments.course.write_text("\n".join(lines) + "\n", encoding="utf-8")
     if arguments.output is not None:
-        from ldcs_ros.plotting.course import course_figure
+        from ldcs_ros.plotting.reach import course_figure
         from ldcs_ros.plotting.style import save_figure
 
         save_figure(course_figure(found, trajectory, scene.name), arguments.output)
@@ -246,8 +246,8 @@ def _workspace(
     low, high = found.extent
     if arguments.output is not None:
         from ldcs_ros.physics.points import point_at
+        from ldcs_ros.plotting.reach import workspace_figure
         from ldcs_ros.plotting.style import save_figure
-        from ldcs_ros.plotting.workspace import workspace_figure
 
         point = point_at(scene.lattice, found.place, scene.points)
         flat = point.position(scene.lattice.reference_position)
@@ -360,7 +360,7 @@ def _draw(scene: Scene, best: Reached, shape: ShapeTarget | None, path: Path) ->
 
         save_figure(surface_figure([sheet], [0.0], annotations_of_scene(scene, title=title)), path)
         return
-    from ldcs_ros.plotting.shape_error import shape_error_figure
+    from ldcs_ros.plotting.reach import shape_error_figure
 
     error = np.full(scene.lattice.nodes, np.nan)
     error.flat[shape.nodes[:, 0]] = best.shape_error

@@ -13,7 +13,7 @@ import numpy as np
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.faults import Faults
-from ldcs_ros.mock_rig.valve import ProportionalValve, ValveParameters
+from ldcs_ros.mock_rig.valve import ProportionalValve
 from ldcs_ros.physics.effects.arms import Arms
 from ldcs_ros.scene import load_scene
 from ldcs_ros.scene.scene import Scene
@@ -21,6 +21,10 @@ from ldcs_ros.sensors import Measurement, Tracker, TrackerParameters
 
 _SMALLEST_CHANGE = 50.0
 _LONGEST_STEP = 0.01
+LIMIT = 140e3
+"""Largest set-point that the rig takes [Pa]; it refuses more."""
+REPORT_RATE = 100.0
+"""Reports per second [Hz]."""
 CONTROLLERS = ("remote", "hold", "wave", "steps")
 
 
@@ -66,11 +70,7 @@ class MockRig:
         controller: Source of set-points: 'remote' (a connected controller), or the rig itself: 'hold', 'wave', 'steps'.
         clock: Steady clock [s].
         epoch: Reading of its own clock at the start [s].
-        drift: Rate error of its own clock.
-        limit: Largest set-point that it takes [Pa]; more is refused.
         bus_timeout: Silence of a remote controller after which it vents by itself [s].
-        rate: Reports per second [Hz].
-        valve: Its valves.
 
     Attributes:
         faults: Its faults.
@@ -87,11 +87,7 @@ class MockRig:
         controller: str = "remote",
         clock: Callable[[], float],
         epoch: float = 1000.0,
-        drift: float = 0.0,
-        limit: float = 140e3,
         bus_timeout: float = 0.4,
-        rate: float = 100.0,
-        valve: ValveParameters | None = None,
     ) -> None:
         if controller not in CONTROLLERS:
             raise BridgeError(f"unknown controller {controller!r}; expected one of {list(CONTROLLERS)}")
@@ -102,10 +98,10 @@ class MockRig:
                 f"the scene {scene.name!r} is not driven by pressure; the mock rig needs one that is"
             )
         self.simulation.settle()
-        self.controller, self.limit, self.bus_timeout, self.rate = controller, limit, bus_timeout, rate
+        self.controller, self.bus_timeout = controller, bus_timeout
         self.faults = Faults()
-        self._clock, self._epoch, self._drift = clock, epoch, drift
-        self._valves = [ProportionalValve(valve or ValveParameters()) for _ in self.simulation.arm_names]
+        self._clock, self._epoch = clock, epoch
+        self._valves = [ProportionalValve() for _ in self.simulation.arm_names]
         n_arms = len(self._valves)
         self._remote = self._zero = (0.0,) * n_arms
         # Its own waves lean: the first arm leads where the last one follows.
@@ -152,15 +148,15 @@ class MockRig:
         if self.controller == "hold" or time < 0.0:
             return self._zero
         if self.controller == "steps":
-            level = (0.3, 0.7, 0.5, 0.0)[int(time / 1.5) % 4] * self.limit
+            level = (0.3, 0.7, 0.5, 0.0)[int(time / 1.5) % 4] * LIMIT
             return (level,) * len(self._zero)
         swing = 0.5 * (1.0 - math.cos(2.0 * math.pi * 0.2 * time))
         lean = 0.15 * math.sin(2.0 * math.pi * 0.13 * time)
-        return tuple(self.limit * swing * (0.75 + side * lean) for side in self._lean)
+        return tuple(LIMIT * swing * (0.75 + side * lean) for side in self._lean)
 
     def rig_time(self) -> float:
         """Return the time on the rig's own clock [s]."""
-        return self._epoch + (self._now - self._start) * (1.0 + self._drift) + self.faults.clock_jump
+        return self._epoch + self._now - self._start + self.faults.clock_jump
 
     def set_fault(self, name: str, value: object) -> None:
         """Set one of its faults; raises BridgeError for an unknown fault, arm or value."""
@@ -178,7 +174,7 @@ class MockRig:
         if self.controller != "remote":
             return "local control"
         # Registers are whole millibars: half of one is no excess.
-        if not all(math.isfinite(value) and 0.0 <= value <= self.limit + 50.0 for value in values):
+        if not all(math.isfinite(value) and 0.0 <= value <= LIMIT + 50.0 for value in values):
             self.refused += 1
             return "out of range"
         self._remote, self._remote_at = values, self._clock()
@@ -244,7 +240,7 @@ class MockRig:
             for measured in self._tracker.deliver(time):
                 stamp = self.rig_time() - (time - measured.delivered)
                 self._tracked.append((self._now, stamp, measured))
-        if not self._history or self._now - self._history[-1][0] >= 1.0 / self.rate - 1e-6:
+        if not self._history or self._now - self._history[-1][0] >= 1.0 / REPORT_RATE - 1e-6:
             self._report()
 
     def _report(self) -> None:

@@ -27,6 +27,7 @@ from ldcs_ros.signals.tracks import (
 )
 
 _SAMPLES = 60  # clouds looked at to find where the motion is
+_PARTS = (1.0 / 3.0, 2.0 / 3.0)  # of the motion, at which a cloud is drawn between the first and the last
 
 
 def draw(
@@ -89,16 +90,15 @@ def draw(
     return written
 
 
-def informative_indices(track: SurfaceTrack, count: int = 4) -> list[int]:
-    """Return the first and the last cloud, and those at which the motion has gone equal parts of its way."""
+def informative_indices(track: SurfaceTrack) -> list[int]:
+    """Return the first and the last cloud, and those at which the motion has gone a third and two thirds of its way."""
     samples = np.unique(np.linspace(0, len(track) - 1, min(len(track), _SAMPLES)).astype(int))
     start = track.position(0)
     apart = [np.linalg.norm(track.position(index) - start, axis=-1) for index in samples]
     moved = np.array([np.max(one, initial=0.0, where=np.isfinite(one)) for one in apart])
     if moved.max() < 1e-6:
         return [len(track) - 1]
-    parts = np.arange(1, count - 1) / (count - 1)
-    between = [int(samples[np.argmax(moved >= part * moved.max())]) for part in parts]
+    between = [int(samples[np.argmax(moved >= part * moved.max())]) for part in _PARTS]
     return sorted({0, *between, len(track) - 1})
 
 

@@ -10,7 +10,6 @@ from ldcs_ros.plotting.style import (
     LINE_COLOURS,
     SCREEN,
     SOFT_INK,
-    FigureStyle,
     add_title,
     new_figure,
     style_axes,
@@ -20,7 +19,7 @@ from ldcs_ros.simulation.sensitivity import StaticSensitivity
 MM = 1e3
 
 
-def sensitivity_figure(found: StaticSensitivity, title: str, style: FigureStyle = SCREEN) -> Figure:
+def sensitivity_figure(found: StaticSensitivity, title: str) -> Figure:
     """Draw a group of bars for each number and a bar for each coordinate; lengths are fractions of the longest one.
 
     Numbers have units of their own, so each group has its own scale, which is written beside it.
@@ -46,10 +45,10 @@ def sensitivity_figure(found: StaticSensitivity, title: str, style: FigureStyle 
     axes.set_yticks(range(count), found.to, color=INK)
     for place, (value, unit) in enumerate(zip(largest, found.units, strict=True)):
         label = f"{MM * value:.3g} mm" + (f"/({unit})" if unit else "")
-        axes.text(1.04, place, label, va="center", color=SOFT_INK, fontsize=style.label - 1.0)
+        axes.text(1.04, place, label, va="center", color=SOFT_INK, fontsize=SCREEN.label - 1.0)
     axes.set_xlim(-1.02, 1.02)
     axes.invert_yaxis()
-    style_axes(axes, x_label="fraction of the value at the right", y_label="", style=style)
-    axes.legend(loc="lower right", fontsize=style.label - 1.0, frameon=False)
-    add_title(figure, f"{title}: sensitivity at rest", style=style)
+    style_axes(axes, x_label="fraction of the value at the right", y_label="")
+    axes.legend(loc="lower right", fontsize=SCREEN.label - 1.0, frameon=False)
+    add_title(figure, f"{title}: sensitivity at rest")
     return figure

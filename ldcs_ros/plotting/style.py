@@ -61,7 +61,6 @@ SCREEN = FigureStyle(6.8, 2.5, TITLE_SIZE, LABEL_SIZE, TICK_SIZE, 1.0, True)
 COLUMN = FigureStyle(3.46, 1.35, 8.0, 7.5, 7.0, 0.65, False)
 PAGE = FigureStyle(7.09, 1.6, 8.0, 7.5, 7.0, 0.65, False)
 STYLES = {"screen": SCREEN, "column": COLUMN, "page": PAGE}
-FORMATS = ("png", "pdf", "svg")
 _PRINT_DPI = 600
 _NO_DATE = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
 

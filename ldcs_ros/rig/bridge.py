@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ldcs_ros.rig.topics import bridge_topics
 from ldcs_ros.rig.valve_monitor import ValveMonitor
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.settings import RunSettings
-from ldcs_ros.twin.twin import Sink, Twin
+from ldcs_ros.twin.twin import Twin
 
 _TOLERANCE = 0.08  # fraction of the largest pressure by which a sound valve may be off
 
@@ -39,7 +39,6 @@ class Bridge:
         mode: Mode of the bridge.
         clock: Steady clock [s].
         settings: Settings of the twin's run.
-        sinks: Receivers of every message, as those of a Twin.
         links: Links to the rig; None for those of the rig file.
 
     Attributes:
@@ -63,12 +62,11 @@ class Bridge:
         mode: Mode,
         clock: Callable[[], float],
         settings: RunSettings | None = None,
-        sinks: Iterable[Sink] = (),
         links: list[Link] | None = None,
     ) -> None:
         self.rig, self.mode = rig, mode
         self._clock = clock
-        self.twin = Twin(scene.without_schedule(), settings, sinks=sinks, diagnostics=False)
+        self.twin = Twin(scene.without_schedule(), settings, diagnostics=False)
         self.follower = Follower(self.twin)
         arms, points = self.twin.simulation.arm_names, tuple(self.twin.simulation.points)
         self._check_arms(arms)

@@ -18,14 +18,12 @@ CONNECT_TIME = 2.0
 def vent_rig(
     rig: RigFile,
     *,
-    clock: Callable[[], float] = time.monotonic,
     show: Callable[[str], None] = lambda line: None,
 ) -> str:
     """Ramp a rig's set-points to zero and wait until the rig confirms zero.
 
     Args:
         rig: The rig.
-        clock: Steady clock [s].
         show: Takes a line on what is going on, twice per second.
 
     Returns:
@@ -34,6 +32,7 @@ def vent_rig(
     Raises:
         BridgeError: No link of the rig file takes set-points.
     """
+    clock = time.monotonic
     links = [link for link in rig.connect(clock, commands=True) if link.commands]
     if not links:
         raise BridgeError(

@@ -18,14 +18,16 @@ from ldcs_ros.simulation.threads import one_thread
 
 Result = TypeVar("Result")
 
+ENOUGH = 1.0
+"""CPU time [s] after which `best_of` makes no further call."""
 
-def best_of(runs: int, work: Callable[[], Result], *, enough: float = 1.0) -> tuple[float, Result]:
+
+def best_of(runs: int, work: Callable[[], Result]) -> tuple[float, Result]:
     """Return the least CPU time of up to `runs` calls [s] and the last result.
 
     Args:
         runs: Most calls; at least one is made.
         work: Function to call.
-        enough: CPU time [s] after which no further call is made.
     """
     best, spent = float("inf"), 0.0
     while True:
@@ -33,7 +35,7 @@ def best_of(runs: int, work: Callable[[], Result], *, enough: float = 1.0) -> tu
         result = work()
         taken = time.thread_time() - began
         best, spent, runs = min(best, taken), spent + taken, runs - 1
-        if runs <= 0 or spent > enough:
+        if runs <= 0 or spent > ENOUGH:
             return best, result
 
 

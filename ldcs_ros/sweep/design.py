@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.stats import qmc
@@ -13,7 +13,6 @@ from scipy.stats import qmc
 from ldcs_ros.errors import LdcsError
 
 Sampling = Literal["grid", "latin", "sobol"]
-SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 MOST_SAMPLES = 200_000
 _CHAINED = 20_000
 """Samples up to which each is followed by its nearest neighbour; more keep their order."""

@@ -68,6 +68,7 @@ class TableFile(Protocol):
 
 
 NO_TIME = int(np.iinfo(np.int64).min)
+_MOST_SHOWN = 30  # column names in an error
 _FARTHEST = 9.0e18  # ns: 285 years
 
 
@@ -212,8 +213,9 @@ def find(table: TableFile, name: str) -> int:
     raise RecordingError(f"{table.name} has no column {name!r}, only {_shown(table.names)}.{hint}")
 
 
-def _shown(names: Sequence[str], most: int = 30) -> str:
-    return str(list(names[:most])) + (f" and {len(names) - most} more" if len(names) > most else "")
+def _shown(names: Sequence[str]) -> str:
+    left = len(names) - _MOST_SHOWN
+    return str(list(names[:_MOST_SHOWN])) + (f" and {left} more" if left > 0 else "")
 
 
 def _text(path: Path) -> str:

@@ -16,6 +16,8 @@ from ldcs_ros.validate.transient import Damped
 
 Rows = list[list[str]]
 
+_MOST_DIRECTIONS = 6
+
 
 def signed(value: float, digits: int) -> str:
     """Return a number with sign and a fixed number of digits; a rounded zero has no sign."""
@@ -110,14 +112,14 @@ def profiled(parameter: Parameter, found: Sequence[tuple[float, Fit]]) -> Rows:
     return rows
 
 
-def directions(found: Sequence[Direction], count: int = 6) -> Rows:
+def directions(found: Sequence[Direction]) -> Rows:
     """Return a row a direction: strength, and the parameters that it mixes."""
     rows = [["strength", "determined by the data", "direction (in plausible ranges)"]]
-    for item in found[:count]:
+    for item in found[:_MOST_DIRECTIONS]:
         parts = sorted(item.weights.items(), key=lambda pair: -abs(pair[1]))
         words = ", ".join(f"{signed(weight, 2)} {name}" for name, weight in parts if abs(weight) > 0.2)
         rows.append([f"{item.strength:.3g}", "yes" if item.strength > 1.0 else "no", words])
-    left = len(found) - count
+    left = len(found) - _MOST_DIRECTIONS
     if left > 0:
         rows.append(["0", "no", f"{left} more"])
     return rows

@@ -40,11 +40,11 @@ class Transient:
     wall_time: float
 
 
-def simulate(scene: Scene, *, duration: float = DURATION) -> Transient:
+def simulate(scene: Scene) -> Transient:
     """Return the motion of P0, P1, ... of a scene."""
     rest = at_rest(scene).displacement
     simulation = scene.build()
-    time = np.arange(round(duration * RATE) + 1) / RATE
+    time = np.arange(round(DURATION * RATE) + 1) / RATE
     moves: dict[str, list[np.ndarray]] = {name: [] for name in simulation.points}
     for instant in time:
         simulation.advance_to(float(instant))

@@ -55,7 +55,6 @@ def take_picture(
     *,
     size: tuple[int, int],
     ready: Callable[[np.ndarray], bool],
-    timeout: float = TIMEOUT,
 ) -> bytes:
     """Return a PNG of a page, taken when the page is ready and two pictures in a row are equal.
 
@@ -63,7 +62,6 @@ def take_picture(
         url: Address of the page.
         size: Width and height of the window [pixels].
         ready: Function of a picture, shape (height, width, 3), uint8, that returns whether the page is complete.
-        timeout: Longest wall time [s].
 
     Raises:
         ViewingError: There is no browser, it fails, or the page is not ready in time.
@@ -77,7 +75,7 @@ def take_picture(
     with tempfile.TemporaryDirectory(prefix="ldcs_browser_", ignore_cleanup_errors=True) as profile:
         chromium = _Chromium(browser, profile, size)
         try:
-            return _picture(chromium, url, size, ready, timeout)
+            return _picture(chromium, url, size, ready)
         except ViewingError:
             raise
         except (OSError, EOFError, KeyError) as error:
@@ -91,10 +89,9 @@ def _picture(
     url: str,
     size: tuple[int, int],
     ready: Callable[[np.ndarray], bool],
-    timeout: float,
 ) -> bytes:
     page = chromium.open_page(size)
-    deadline = time.monotonic() + timeout
+    deadline = time.monotonic() + TIMEOUT
     chromium.ask("Page.navigate", page, url=url)
     before = np.zeros(0)
     while time.monotonic() < deadline:
@@ -107,7 +104,7 @@ def _picture(
         if np.array_equal(seen, before) and ready(seen):
             return png
         before = seen
-    raise ViewingError(f"the page was not drawn within {timeout:g} s: {url}")
+    raise ViewingError(f"the page was not drawn within {TIMEOUT:g} s: {url}")
 
 
 def _pixels(png: bytes) -> np.ndarray:

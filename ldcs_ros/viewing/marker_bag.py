@@ -15,9 +15,12 @@ from ldcs_ros.scene.scene import Scene
 from ldcs_ros.signals.topics import find_topic, recorded_scene
 from ldcs_ros.signals.tracks import CLOUD, Snapshot, snapshots
 
+_PERIOD = 0.999e9 / 25.0
+"""Shortest time between two sets of markers [ns]: at most 25 per second."""
+
 
 def write_marker_bag(
-    recording: Recording, folder: Path, *, rate: float = 25.0, progress: Callable[[float], None] | None = None
+    recording: Recording, folder: Path, *, progress: Callable[[float], None] | None = None
 ) -> int:
     """Write a new bag with every message of a bag and, for its surfaces, `surface`, `arms`, `loads`, `traces`.
 
@@ -26,7 +29,6 @@ def write_marker_bag(
     Args:
         recording: A Recording that carries its scene and holds `nodes`.
         folder: New bag folder.
-        rate: Highest rate of the markers [Hz].
         progress: Called with the finished fraction, 0 ... 1.
 
     Returns:
@@ -48,7 +50,7 @@ def write_marker_bag(
     frame = recording.decode(next(iter(recording.in_order([clouds])))).header.frame_id or BASE_FRAME
     topics = {**recording.topics, **{names[topic]: TopicInfo(TOPICS[topic].type) for topic in MARKER_TOPICS}}
     writer = BagWriter(folder, topics=topics, custom_data=dict(recording.custom_data))
-    source = _MarkerSource(recording, scene, Markers(scene, frame), rate)
+    source = _MarkerSource(recording, scene, Markers(scene, frame))
     added = 0
     try:
         for message in itertools.chain(recording.in_order(), [None]):
@@ -70,10 +72,9 @@ def write_marker_bag(
 class _MarkerSource:
     """The markers of a bag's snapshots, each after the messages of its time."""
 
-    def __init__(self, recording: Recording, scene: Scene, markers: Markers, rate: float) -> None:
+    def __init__(self, recording: Recording, scene: Scene, markers: Markers) -> None:
         self._scene = scene
         self._markers = markers
-        self._period = 0.999e9 / rate
         self._due = -math.inf
         self._snapshots = snapshots(recording, scene)
         self._next: Snapshot | None = next(self._snapshots, None)
@@ -86,6 +87,6 @@ class _MarkerSource:
             places = {name: point.position(position) for name, point in self._scene.points.items()}
             self._markers.follow(snapshot.time, places)
             if snapshot.time >= self._due:
-                self._due = snapshot.time + self._period
+                self._due = snapshot.time + _PERIOD
                 for topic in MARKER_TOPICS:
                     yield topic, self._markers.build(topic, snapshot.time, snapshot.shown), snapshot.time

@@ -15,7 +15,7 @@ from rig_bench import SMALL, THREE, Bench
 from ldcs_ros import load_scene
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.mock_rig.modbus_server import ModbusServer
-from ldcs_ros.mock_rig.rig import Hidden, MockRig, hidden_scene
+from ldcs_ros.mock_rig.rig import LIMIT, Hidden, MockRig, hidden_scene
 from ldcs_ros.mock_rig.serial_port import SerialPort
 from ldcs_ros.mock_rig.server import MockRigServer
 from ldcs_ros.rig.bridge import Bridge
@@ -115,7 +115,8 @@ def test_each_probe_is_that_of_its_point_in_any_order_of_the_scene(clock):
 
 def test_hidden_stiffness_is_that_of_the_material_where_a_scene_has_one():
     stiff, soft = (
-        load_scene("three_arms").edited({"lattice.nodes": [7, 4]}).stiffened(factor).build() for factor in (1.2, 1.0)
+        load_scene("three_arms").edited({"lattice.nodes": [7, 4]}).stiffened(factor).build()
+        for factor in (1.2, 1.0)
     )
     rig = hidden_scene(load_scene("three_arms").edited({"lattice.nodes": [7, 4]}), Hidden(1.2)).build()
     springs = [sim.model.terms[0] for sim in (stiff, soft, rig)]
@@ -325,6 +326,6 @@ def test_the_rigs_own_controllers_drive_each_arm_within_its_limit(clock, scene):
         clock.pass_time(0.5)
         rig.advance()
         assert len(rig.setpoint) == len(rig.pressure) == len(rig.simulation.arm_names)
-        assert all(0.0 < value < rig.limit for value in rig.setpoint)
+        assert all(0.0 < value < LIMIT for value in rig.setpoint)
         assert len(set(rig.setpoint)) == (len(rig.setpoint) if distinct else 1)
     assert rig.command([1e4]) == "wrong size"

@@ -82,17 +82,13 @@ class Pacer:
 class PaceMeter:
     """Measures progress between two readings.
 
-    Args:
-        clock: Steady clock [s].
-
     Attributes:
         real_time_factor: Simulated seconds per second between the last two readings.
         step_time: Mean wall time of an advance between them [s].
         worst_step_time: Longest one [s].
     """
 
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self.real_time_factor = 0.0
         self.step_time = 0.0
         self.worst_step_time = 0.0
@@ -100,7 +96,7 @@ class PaceMeter:
 
     def restart(self, simulation_time: float) -> None:
         """Measure from this simulation time [s] on, as after a reset or a pause."""
-        self._since = (self._clock(), simulation_time)
+        self._since = (time.perf_counter(), simulation_time)
         self._busy, self._worst, self._count = 0.0, 0.0, 0
 
     def count(self, duration: float) -> None:
@@ -112,7 +108,7 @@ class PaceMeter:
     def read(self, simulation_time: float) -> None:
         """Update the figures to this simulation time [s] and start the next period."""
         wall, simulated = self._since
-        elapsed = self._clock() - wall
+        elapsed = time.perf_counter() - wall
         self.real_time_factor = (simulation_time - simulated) / elapsed if elapsed > 0.0 else 0.0
         self.step_time = self._busy / self._count if self._count else 0.0
         self.worst_step_time = self._worst
