@@ -16,8 +16,10 @@ from ldcs_ros.errors import LdcsError, ViewingError
 from ldcs_ros.ros.common.node_process import own_words, unknown_word
 
 if TYPE_CHECKING:
+    from rcl_interfaces.srv import GetParameters
     from rclpy.node import Node
     from rclpy.subscription import MessageInfo
+    from rclpy.task import Future
 
     from ldcs_ros.viewing.live_viewer import LiveViewer
     from ldcs_ros.viewing.rerun_package import Stream
@@ -168,7 +170,7 @@ def _follow(
 
 
 class Listener:
-    """Subscribes to the topics of a view as they appear.
+    """Subscribes to the topics of a view as they appear, and asks the twin for the pressure of its air.
 
     Args:
         node: The node that listens, in the twin's namespace.
@@ -178,15 +180,23 @@ class Listener:
     def __init__(self, node: Node, viewer: LiveViewer) -> None:
         self._node = node
         self._viewer = viewer
+        from rcl_interfaces.srv import GetParameters
+
         self._heard: set[str] = set()
+        self._parameters = node.create_client(GetParameters, "ldcs_sim/get_parameters")
+        self._request = GetParameters.Request(names=["ambient_pressure"])
+        self._asked = False
 
     def search(self) -> None:
-        """Subscribe to new topics."""
+        """Subscribe to new topics, and ask once."""
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
         from ldcs_ros.ros.common.transport import subscribe_raw
         from ldcs_ros.viewing.live_viewer import is_shown
 
+        if not self._asked and self._parameters.service_is_ready():
+            self._asked = True
+            self._parameters.call_async(self._request).add_done_callback(self._take_ambient)
         prefix = self._node.get_namespace().rstrip("/") + "/"
         # A best-effort subscription receives from every publisher, and a slow view delays none.
         quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -198,6 +208,11 @@ class Listener:
                 self._heard.add(topic)
                 callback = partial(self._take, name, types[0])
                 subscribe_raw(self._node, types[0], topic, callback, quality)
+
+    def _take_ambient(self, asked: Future[GetParameters.Response]) -> None:
+        answer = asked.result()
+        if answer is not None and answer.values:
+            self._viewer.ambient_pressure = answer.values[0].double_value
 
     def _take(self, name: str, kind: str, cdr: bytes, info: MessageInfo) -> None:
         self._viewer.receive(name, kind, cdr)

@@ -77,6 +77,7 @@ class Panel:
         self._types: dict[str, str] = {}
         self._scene: Scene | None = None
         self._asked_for = ""
+        self._ambient_pressure = STANDARD_ATMOSPHERE
         self._recorder: BagWriter | None = None
         self._pressure = node.create_publisher(Float64MultiArray, "pressure_command", 10)
         self._torque = node.create_publisher(JointState, "torque_command", 10)
@@ -89,7 +90,7 @@ class Panel:
         )
 
     def search(self) -> None:
-        """Subscribe to new topics of the namespace, and ask once for the scene."""
+        """Subscribe to new topics of the namespace, and ask once for the scene and the pressure of its air."""
         quality = QoSProfile(depth=20, reliability=ReliabilityPolicy.BEST_EFFORT)
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self._types or not types or not topic.startswith((self._prefix, "/diagnostics")):
@@ -278,8 +279,11 @@ class Panel:
     def _ask_for_the_scene(self, said: str) -> None:
         names = [said]
         try:
-            answer = self._answer(self._parameters, GetParameters.Request(names=["scene"]))
+            answer = self._answer(
+                self._parameters, GetParameters.Request(names=["scene", "ambient_pressure"])
+            )
             names.insert(0, answer.values[0].string_value)
+            self._ambient_pressure = answer.values[1].double_value
         except LdcsError:
             pass
         for name in names:
@@ -299,7 +303,7 @@ class Panel:
             cdr = latest.get(f"{self._prefix}{name}/pressure")
             measured = None
             if cdr is not None:
-                measured = 1e-3 * (decode(_FLUID, cdr).fluid_pressure - STANDARD_ATMOSPHERE)
+                measured = 1e-3 * (decode(_FLUID, cdr).fluid_pressure - self._ambient_pressure)
             arms.append(
                 {
                     "name": name,

@@ -42,9 +42,13 @@ class LiveViewer:
 
     Args:
         new_stream: Function that returns an empty rerun stream to the viewer.
+
+    Attributes:
+        ambient_pressure: Absolute pressure of the twin's air [Pa]; gauge pressures are drawn above it.
     """
 
     def __init__(self, new_stream: Callable[[], Stream]) -> None:
+        self.ambient_pressure = STANDARD_ATMOSPHERE
         self._new_stream = new_stream
         self._latest: dict[str, tuple[str, bytes]] = {}
         self._rows: dict[str, list[tuple[float, np.ndarray]]] = {}
@@ -64,7 +68,7 @@ class LiveViewer:
             place = message.pose.position
             self._add(topic, time, [place.x, place.y, place.z])
         elif message_type == PRESSURE:
-            self._add(topic, time, [message.fluid_pressure - STANDARD_ATMOSPHERE])
+            self._add(topic, time, [message.fluid_pressure])
         else:
             self._joint_names = tuple(message.name)
             self._add(topic, time, [*message.effort, *message.position])
@@ -131,7 +135,9 @@ class LiveViewer:
             title = f"{name} {'state' if truth else 'tracker'}: displacement from the first pose [mm]"
             self._rerun_scene.curves(title, "xyz", times, MM * (values - origin), dots=not truth)
         elif parts[-1] == "pressure":
-            self._rerun_scene.curves("gauge pressure [kPa]", [parts[-2]], times, KPA * values)
+            self._rerun_scene.curves(
+                "gauge pressure [kPa]", [parts[-2]], times, KPA * (values - self.ambient_pressure)
+            )
         else:
             half = values.shape[1] // 2
             self._rerun_scene.curves("drive torque [N m]", self._joint_names, times, values[:, :half])

@@ -10,6 +10,9 @@ import sys
 import time
 
 import pytest
+from rclpy.node import Node
+
+from ldcs_ros.ros.live_view import Listener
 
 VIEW = [sys.executable, "-m", "ldcs_ros", "view", "--live", "--port", "0", "--no-browser", "--json"]
 
@@ -58,6 +61,21 @@ def test_a_running_twin_is_listened_to_and_saved(view, tmp_path):
     assert process.returncode == 0, told
     assert told == ""
     assert file.stat().st_size > 10_000
+
+
+def test_gauge_pressures_are_above_the_air_that_the_twin_is_told(start):
+    class Viewer:
+        ambient_pressure = 0.0
+
+        def receive(self, topic, kind, cdr):
+            pass
+
+    _, user = start(scene="rig", ambient_pressure=90e3)
+    viewer = Viewer()
+    node = Node("ldcs_view", namespace="/ldcs", context=user.node.context)
+    user.node.executor.add_node(node)
+    listener = Listener(node, viewer)
+    assert user.until(lambda: listener.search() or viewer.ambient_pressure == 90e3, timeout=30.0)
 
 
 def test_a_live_view_that_cannot_be_says_why_in_one_line():

@@ -32,7 +32,7 @@ PANEL = [
 
 @pytest.mark.timeout(120)
 def test_the_panel_drives_pushes_pauses_and_records(start, tmp_path):
-    node, _ = start(with_user=False, scene="rig")
+    node, _ = start(with_user=False, scene="rig", ambient_pressure=90e3)
     log = tmp_path / "panel.log"
     stream = open(log, "w")  # noqa: SIM115  # of the process
     process = subprocess.Popen(
@@ -72,6 +72,9 @@ def test_the_panel_drives_pushes_pauses_and_records(start, tmp_path):
         # The schedule of the scene holds 140 kPa; a slider of one arm leaves the other where it is.
         state = until(lambda s: [arm["commanded"] for arm in s.get("arms", [])] == [140.0, 140.0])
         assert [(arm["least"], arm["most"]) for arm in state["arms"]] == [(0.0, 200.0)] * 2
+        until(
+            lambda s: all(abs(arm["measured"] - 140.0) < 2.0 for arm in s["arms"])
+        )  # above the air of the twin
         bag = Path(command(do="record", on=True).removeprefix("recording into "))
         command(do="drive", arm="left", value=60.0)
         until(lambda s: [round(arm["commanded"], 6) for arm in s["arms"]] == [60.0, 140.0])
