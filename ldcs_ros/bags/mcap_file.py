@@ -145,6 +145,10 @@ class McapFile:
             for id, one in indexed.channels.items()
         }
 
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Yield the span of each chunk and the time of each message outside of chunks [ns]; no chunk is opened."""
+        return ((block.start, block.end) for block in self._blocks if block.start or block.end)
+
     def messages(self, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
         """Yield (log time [ns], channel id, bytes) of some channels by log time, equal times in the order of writing.
 

@@ -108,6 +108,11 @@ class _Bag:
                 known.append(channel.definition)
         return BagTypes(str(self.path), definitions)
 
+    def spans(self) -> Iterator[tuple[int, int]]:
+        with _one_line(self.path):
+            for file in self.files:
+                yield from file.spans()
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         with _one_line(self.path):
             yield from heapq.merge(
@@ -200,6 +205,9 @@ class _PackedFile:
         self._file = _open(unpacked, file)
         self.channels, self.custom_data = self._file.channels, self._file.custom_data
         self.start, self.end = self._file.start, self._file.end
+
+    def spans(self) -> Iterator[tuple[int, int]]:
+        yield from self._file.spans()
 
     def messages(self, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
         yield from self._file.messages(wanted)

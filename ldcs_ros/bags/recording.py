@@ -44,6 +44,10 @@ class Source(Protocol):
     @property
     def decoder(self) -> Decoder: ...
 
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Return intervals of log time [ns] that hold all messages, each with one at its beginning and its end."""
+        ...
+
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Return messages of some topics (None = all) by log time; equal times keep the order of writing."""
         ...
@@ -87,6 +91,14 @@ class Recording:
     def count(self) -> int:
         """Messages in all channels."""
         return sum(self.counts.values())
+
+    def spans(self) -> list[tuple[int, int]]:
+        """Return intervals of log time [ns] that hold all messages, by time, from the indices of the files alone.
+
+        Raises:
+            RecordingError: A file is damaged.
+        """
+        return sorted(self.source.spans())
 
     def in_order(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         """Return every message of some topics (None = all) by log time; equal times keep the order of writing.
@@ -199,6 +211,9 @@ class _Memory:
     @cached_property
     def decoder(self) -> Decoder:
         return Schemas().typestore
+
+    def spans(self) -> Iterator[tuple[int, int]]:
+        return ((message.time, message.time) for message in self._ordered)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
         return (message for message in self._ordered if topics is None or message.topic in topics)

@@ -67,6 +67,18 @@ class Sqlite3File:
         if self.start < 0 or self.end > LATEST:
             raise RecordingError(f"{path} has a log time of {self.start} ns, before 1970; nothing was read")
 
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Yield the time of each message twice [ns], from the index of times where the file has one.
+
+        Raises:
+            RecordingError: The file is damaged.
+        """
+        try:
+            with closing(self._open()) as database:
+                yield from database.execute("SELECT timestamp, timestamp FROM messages")
+        except (sqlite3.Error, MemoryError, OverflowError) as error:
+            raise self._refusal(error) from error
+
     def messages(self, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
         """Yield (log time [ns], channel id, bytes) of some channels by log time, equal times in the order of writing.
 

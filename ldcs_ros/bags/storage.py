@@ -68,6 +68,14 @@ class StorageFile(Protocol):
     @property
     def custom_data(self) -> Mapping[str, str]: ...
 
+    def spans(self) -> Iterator[tuple[int, int]]:
+        """Yield intervals of log time [ns] that hold all messages, each with one at its beginning and its end.
+
+        Raises:
+            RecordingError: The file is damaged.
+        """
+        ...
+
     def messages(self, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
         """Yield (log time [ns], channel id, bytes) of some channels by log time, equal times in the order of writing.
 

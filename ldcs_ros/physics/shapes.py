@@ -48,6 +48,10 @@ class Disc:
         return np.asarray(np.linalg.norm(points - np.array(self.centre), axis=1) - self.radius)
 
 
+_ROUNDING = 1e-9
+"""Sine of an angle, and fraction of a side, that count as none."""
+
+
 @dataclass(frozen=True)
 class Polygon:
     """A polygon; inside is what a ray from there leaves through an odd number of sides.
@@ -57,6 +61,26 @@ class Polygon:
     """
 
     corners: tuple[tuple[float, float], ...]
+
+    def crossing(self) -> tuple[float, float] | None:
+        """Return a place [m] where the outline meets itself; None for a simple polygon. A repeated corner is one."""
+        corners = np.array(self.corners)
+        corners = corners[(corners != np.roll(corners, -1, axis=0)).any(axis=1)]
+        side = np.roll(corners, -1, axis=0) - corners
+        after = np.roll(side, -1, axis=0)
+        sizes = np.linalg.norm(side, axis=1) * np.linalg.norm(after, axis=1)
+        back = (np.abs(_cross(side, after)) <= _ROUNDING * sizes) & ((side * after).sum(axis=1) < 0.0)
+        met = np.roll(corners, -1, axis=0)[back]
+        for i in range(len(corners) - 2):
+            # The last side is a neighbour of the first. Parallel sides that overlap have corners on others.
+            others = np.arange(i + 2, len(corners) - (i == 0))
+            across = _cross(side[i], side[others])
+            apart = corners[others] - corners[i]
+            others, apart, across = others[across != 0.0], apart[across != 0.0], across[across != 0.0]
+            along = np.stack([_cross(apart, side[others]), _cross(apart, side[i])]) / across
+            hit = ((along >= -_ROUNDING) & (along <= 1.0 + _ROUNDING)).all(axis=0)
+            met = np.concatenate([met, corners[i] + along[0][hit, None] * side[i]])
+        return (float(met[0, 0]), float(met[0, 1])) if len(met) else None
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         begin = np.array(self.corners)
@@ -70,6 +94,10 @@ class Polygon:
             rise = np.where(side[1] != 0.0, side[1], 1.0)
             crossings += spans & (points[:, 0] < a[0] + (points[:, 1] - a[1]) / rise * side[0])
         return np.where(crossings % 2 == 1, -nearest, nearest)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from ldcs_ros.ros.common.node_process import own_words, unknown_word
 
 if TYPE_CHECKING:
     from rcl_interfaces.srv import GetParameters
+    from rclpy.client import Client
     from rclpy.node import Node
     from rclpy.subscription import MessageInfo
     from rclpy.task import Future
@@ -183,7 +184,7 @@ class Listener:
         from rcl_interfaces.srv import GetParameters
 
         self._heard: set[str] = set()
-        self._parameters = node.create_client(GetParameters, "ldcs_sim/get_parameters")
+        self._parameters: Client[GetParameters.Request, GetParameters.Response] = node.create_client(GetParameters, "ldcs_sim/get_parameters")
         self._request = GetParameters.Request(names=["ambient_pressure"])
         self._asked = False
 

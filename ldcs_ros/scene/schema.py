@@ -117,7 +117,11 @@ def _check_shape(value: object, more: tuple[str, ...], path: str) -> PlaneShape:
     ]
     if len(corners) < 3:
         CHECKS.refuse(place, "at least three corners [x, y]", where)
-    return Polygon(tuple((x, y) for x, y in corners))
+    polygon = Polygon(tuple((x, y) for x, y in corners))
+    if (crossing := polygon.crossing()) is not None:
+        x, y = crossing
+        CHECKS.refuse(place, f"an outline that does not meet itself as at [{x:.6g}, {y:.6g}]", where)
+    return polygon
 
 
 def _check_region(value: object, path: str) -> SheetRegion:

@@ -179,6 +179,37 @@ def test_a_polygon_has_the_inside_of_its_outline():
     assert arrow.distance(np.array([[3.0, 1.0]]))[0] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("corners", "place"),
+    [
+        (((0, 0), (2, 2), (2, 0), (0, 2)), (1, 1)),  # a bow
+        (((0, 0), (4, 0), (4, 2), (2, 0), (0, 2)), (2, 0)),  # a corner on a side
+        (((0, 0), (2, 0), (1, 0), (1, 1)), (2, 0)),  # a side that goes back
+        (((0, 0), (1, 1), (0, 2), (2, 2), (1, 1), (2, 0)), (1, 1)),  # a corner on a corner
+        (((0, 0), (1, 0), (2, 0)), (2, 0)),  # no area
+        (((0, 0), (2, 1), (0, 2), (0.5, 1)), None),
+        (
+            ((0, 0), (1, 0), (2, 0), (2, 1), (0, 1), (0, 0)),
+            None,
+        ),  # a corner on a straight side, closed by hand
+    ],
+)
+def test_an_outline_that_meets_itself_is_told_with_the_place(corners, place):
+    found = Polygon(tuple((float(x), float(y)) for x, y in corners)).crossing()
+    assert found == (None if place is None else pytest.approx(place))
+
+
+def test_a_simple_outline_of_many_corners_in_any_order_of_turning_does_not_meet_itself():
+    draw = np.random.default_rng(11)
+    angle = np.sort(draw.uniform(0.0, 2.0 * np.pi, 300))
+    star = draw.uniform(0.2, 1.0, 300)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    for corners in (star, star[::-1]):
+        assert Polygon(tuple(map(tuple, corners.tolist()))).crossing() is None
+    swapped = star.copy()
+    swapped[[10, 150]] = star[[150, 10]]
+    assert Polygon(tuple(map(tuple, swapped.tolist()))).crossing() is not None
+
+
 def test_regions_multiply_what_lies_in_them():
     half = SheetRegion(Rectangle((0.0, -0.06, 0.1, 0.06)), stiffness=3.0, mass=2.0, thickness=1.5)
     lattice = Lattice((0.2, 0.12, 0.006), (5, 4), 0.16, regions=(half,))

@@ -10,6 +10,7 @@ from ldcs_ros.errors import RecordingError
 from ldcs_ros.identify.experiments import read_experiment
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.replay.session import Changes, replay
+from ldcs_ros.replay.span import check_span
 from ldcs_ros.signals.mapping import parse_mapping
 
 SECOND = 10**9
@@ -71,6 +72,20 @@ def test_identification_refuses_a_bag_that_spans_years_too(tmp_path, pneumatic):
     mapping = parse_mapping({"commands": [COMMAND], "measurements": [{"topic": "/l", "to": "left/pressure"}]})
     with pytest.raises(RecordingError, match=r"spans 56\.7 years"):
         read_experiment(source, pneumatic, mapping=mapping)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_the_span_of_a_long_bag_is_known_without_its_messages(tmp_path, storage, monkeypatch):
+    # Ten minutes, whose messages fill several chunks of MCAP.
+    padded = array([0.0] * 1000)
+    sent = [("/p", WALL + k * SECOND, padded) for k in range(600)]
+    recording = read_bag(write(tmp_path / "whole", sent, storage=storage))
+    broken = read_bag(write(tmp_path / "broken", [("/p", SECOND, padded), *sent], storage=storage))
+    with monkeypatch.context() as patch:
+        patch.setattr(type(recording), "in_order", lambda *_: pytest.fail("messages are read"))
+        check_span(recording)
+    with pytest.raises(RecordingError, match="is silent for 5"):
+        check_span(broken)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,10 @@ GOOD = {
     "solver": {"integrator": "auto", "accuracy": 1e-5},
 }
 BAD = {
+    "a hole that meets itself": (
+        ("lattice.holes", [{"polygon": [[0, 0], [2, 2], [2, 0], [0, 2]]}]),
+        "does not meet itself as at [1, 1]",
+    ),
     "unknown top key": (("solvers", {}), "Did you mean 'solver'"),
     "missing effects": (("effects", None), "effects"),
     "one node": (("lattice.nodes", [1, 9]), "lattice.nodes"),
