@@ -184,7 +184,9 @@ class Listener:
         from rcl_interfaces.srv import GetParameters
 
         self._heard: set[str] = set()
-        self._parameters: Client[GetParameters.Request, GetParameters.Response] = node.create_client(GetParameters, "ldcs_sim/get_parameters")
+        self._parameters: Client[GetParameters.Request, GetParameters.Response] = node.create_client(
+            GetParameters, "ldcs_sim/get_parameters"
+        )
         self._request = GetParameters.Request(names=["ambient_pressure"])
         self._asked = False
 
