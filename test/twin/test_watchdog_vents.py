@@ -7,7 +7,9 @@ import pytest
 from fake_scene import RailScene
 
 from ldcs_ros.messages.cdr import decode
+from ldcs_ros.messages.diagnostics import OK, WARN
 from ldcs_ros.messages.messages import pressure_command, torque_command, wrench_command
+from ldcs_ros.twin.status import twin_statuses
 from ldcs_ros.twin.watchdog import Watchdog
 
 
@@ -75,6 +77,21 @@ def test_a_tripped_watchdog_refuses_commands_until_rearmed(run, clock):
     assert twin.receive("pressure_command", pressure_command([1e5])) is None
     twin.advance_to(1.0)
     assert twin.simulation.inputs.pressure.tolist() == [1e5, 1e5]
+
+
+def test_the_diagnostics_warn_while_the_watchdog_is_tripped_and_not_before_or_after(run, clock):
+    twin, _ = guarded(run, clock, timeout=0.3)
+
+    def level():
+        return next(one.level for one in twin_statuses({}, twin.commands, twin.watchdog) if one.name == "watchdog")
+
+    twin.receive("pressure_command", pressure_command([1e5]))
+    assert level() == OK
+    clock.now += 1.0
+    twin.check_watchdog()
+    assert level() == WARN
+    twin.rearm()
+    assert level() == OK
 
 
 def test_a_refused_command_does_not_feed_the_watchdog(run, clock):

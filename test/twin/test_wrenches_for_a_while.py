@@ -108,3 +108,10 @@ def test_a_scene_without_the_effect_refuses(run):
     twin, _ = run(RailScene(effects=("arms",)))
     with pytest.raises(Refusal, match="effect absent"):
         twin.apply_wrench(**PUSH, duration=1.0, ramp=0.0)
+
+
+@pytest.mark.parametrize(("ramp", "steps"), [(0.05, 5), (0.055, 6), (2.0, 200), (60.0, 200)])
+def test_a_step_of_a_ramp_takes_ten_milliseconds_up_to_two_hundred_steps(ramp, steps):
+    profile = WrenchProfile.of("P1", (1.0, 0.0, 0.0), NOTHING, start=0.0, duration=0.0, ramp=ramp)
+    # The full wrench follows the steps.
+    assert len(profile.fractions) == steps + 1
