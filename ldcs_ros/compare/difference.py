@@ -66,7 +66,7 @@ class ChannelDifference:
 
 
 def coverage(time: np.ndarray, start: float, end: float) -> float:
-    """Return the fraction of the time from `start` to `end` [s] that ascending times [s] cover without a gap."""
+    """Return the fraction of `start` to `end` [s] that ascending times [s], shape (n,), cover without a gap."""
     length = end - start
     if length <= TIME_TOLERANCE:
         return 1.0

@@ -33,7 +33,7 @@ def pose(time_ns: int, position: np.ndarray, orientation: np.ndarray, *, frame: 
 def transform(
     time_ns: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray
 ) -> RosMessage:
-    """Return a TransformStamped object from `child` to `frame`; position [m], quaternion x, y, z, w."""
+    """Return a TransformStamped object from `child` to `frame`; position [m], shape (3,), quaternion x, y, z, w."""
     x, y, z = position.tolist()
     return message_class("geometry_msgs/msg/TransformStamped")(
         header=header(time_ns, frame),

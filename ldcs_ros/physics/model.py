@@ -46,7 +46,7 @@ class Model:
     """M(q) q'' = f(t, q, q', inputs) for the free coordinates; the prescribed ones are known functions of time.
 
     The mass matrix is diagonal for nodes and one small block for each arm. A coordinate, a call and an import
-    exist only for the effects that the scene names.
+    exist only for the effects that the scene names. Coordinates q [m, rad] and rates u have shape (n_coordinates,).
 
     Args:
         lattice: The lattice.
@@ -118,7 +118,7 @@ class Model:
         return f"node_{LAYERS[layer]}_{i}_{j}"
 
     def reference_state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the coordinates of the flat, unloaded sheet with straight arms, and zero rates."""
+        """Return q of the flat, unloaded sheet with straight arms, and u of zeros, shape (n_coordinates,) each."""
         q = np.zeros(self.n_coordinates)
         q[: 3 * self.lattice.n_nodes] = self.lattice.reference_position.ravel()
         u = np.zeros(self.n_coordinates)
@@ -236,7 +236,7 @@ class Model:
 
     @cached_property
     def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and columns, in free coordinates, of every Jacobian entry; -1 where a coordinate is prescribed."""
+        """Rows and columns of every Jacobian entry in free coordinates, shape (n,) each; -1 where one is prescribed."""
         place = np.full(self.n_coordinates, -1)
         place[self.free] = np.arange(len(self.free))
         pairs = [term.jacobian_pattern() for term in self.terms]

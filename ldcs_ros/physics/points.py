@@ -131,6 +131,9 @@ class Point:
 
         Point masses have no rotation of their own, so the torque becomes forces of least norm with zero sum and
         that moment. About the patch's centroid f = alpha x r, with (sum |r|^2 1 - r r^T) alpha = torque.
+
+        Raises:
+            DegenerateShapeError: The nodes of the patch are on one line.
         """
         arm = position[self.patch] - position[self.patch].mean(axis=0)
         inertia = np.sum(arm**2) * np.eye(3) - arm.T @ arm
@@ -148,7 +151,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def quaternion(axes: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion x, y, z, w (w >= 0) of a rotation matrix, by its largest component (Shepperd)."""
+    """Return the unit quaternion x, y, z, w (w >= 0), shape (4,), of a rotation matrix (Shepperd's method)."""
     m = axes
     trace = np.trace(m)
     choices = np.array([m[0, 0], m[1, 1], m[2, 2], trace])

@@ -41,7 +41,11 @@ class Annotations:
 
 
 def annotations_of(recording: Recording, track: SurfaceTrack) -> Annotations:
-    """Return the annotations of a bag's scene; a bag without one starts at rest, without loads."""
+    """Return the annotations of a bag's scene; a bag without one starts at rest, without loads.
+
+    Raises:
+        RecordingError: The clouds have another size than the scene.
+    """
     scene = recorded_scene(recording)
     if scene is None:
         return Annotations(recording.name, track.position(0), {}, (), ())

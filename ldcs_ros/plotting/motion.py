@@ -30,7 +30,7 @@ class MovieError(LdcsError, OSError):
 
 
 def frame_times(track: SurfaceTrack) -> np.ndarray:
-    """Return the times of the pictures [s]: FRAME_RATE a second, fewer when the recording is long."""
+    """Return the times of the pictures [s], shape (n,): FRAME_RATE per second, fewer when the recording is long."""
     start, end = float(track.time[0]), float(track.time[-1])
     count = min(round((end - start) * FRAME_RATE) + 1, MOST_FRAMES)
     return np.linspace(start, end, max(count, 2))

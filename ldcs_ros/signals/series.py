@@ -32,7 +32,7 @@ def curve(time: np.ndarray, value: np.ndarray, *, smooth: bool) -> Curve:
 
 
 def at_times(time: np.ndarray, value: np.ndarray, asked: np.ndarray, through: Curve) -> np.ndarray:
-    """Return values at some times: known ones if all times are known, and else those of a curve `through` them."""
+    """Return values at asked times, shape (k,) or (k, m): known ones if all times are known, else those of a curve."""
     # Runs of the same scene have the same stamps.
     index = np.clip(np.searchsorted(time, asked - TIME_TOLERANCE), 0, len(time) - 1)
     if np.all(np.abs(time[index] - asked) <= TIME_TOLERANCE):
@@ -66,7 +66,7 @@ class Series:
 
 
 def clean(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return times and values in order, finite, each time once, and the number of dropped ones."""
+    """Return finite times, shape (n,), and values, (n, m), in order, each time once, and how many were dropped."""
     kept = np.isfinite(value).all(axis=1)
     order = np.argsort(time[kept], kind="stable")
     time_kept, value_kept = time[kept][order], value[kept][order]
@@ -84,7 +84,7 @@ def without_spikes(series: Series, least: float) -> Series:
 
     Args:
         series: A series.
-        least: Distance from the median of the neighbours up to which each value is kept.
+        least: Distance from the median of the neighbours up to which each value is kept, in the unit of the series.
     """
     if len(series.time) <= _NEIGHBOURS:
         return series

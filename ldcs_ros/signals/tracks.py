@@ -75,7 +75,11 @@ class SurfaceTrack:
         return int(np.argmin(np.abs(self.time - time)))
 
     def position(self, index: int) -> np.ndarray:
-        """Return node positions of one cloud [m], shape (2, nx, ny, 3): layer (bottom, top), i, j."""
+        """Return node positions of one cloud [m], shape (2, nx, ny, 3): layer (bottom, top), i, j.
+
+        Raises:
+            RecordingError: The cloud has another size than the first one.
+        """
         cloud = self._messages[index]
         if cloud_nodes(cloud) != self.nodes:
             raise RecordingError(
@@ -197,6 +201,9 @@ def pressure_tracks(recording: Recording) -> dict[str, Track]:
     """Return the measured gauge pressures [Pa], shape (n,), by arm name.
 
     FluidPressure is absolute by its definition; a bag names the pressure of its surrounding air.
+
+    Raises:
+        RecordingError: The run settings of the bag are invalid.
     """
     try:
         ambient = RunSettings.from_metadata(recording.custom_data).ambient_pressure
@@ -226,7 +233,7 @@ def check_one_clock(recording: Recording) -> None:
 
 
 def seconds(nanoseconds: np.ndarray, start: int) -> np.ndarray:
-    """Return times [s] of nanosecond stamps: simulation times unchanged, wall times from `start` on."""
+    """Return times [s], shape (n,), of nanosecond stamps: simulation times unchanged, wall times from `start` on."""
     origin = start if len(nanoseconds) and nanoseconds[0] > WALL_CLOCK else 0
     return np.asarray(nanoseconds - origin, dtype=np.int64) * 1e-9
 

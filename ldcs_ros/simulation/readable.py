@@ -88,7 +88,7 @@ class ReadableSimulation:
         return self.model.arms.drive_torque(self.time, self.inputs.held())
 
     def pose(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return position [m] and orientation (unit quaternion x, y, z, w) of a point or `node_<layer>_<i>_<j>`."""
+        """Return position [m], shape (3,), and unit quaternion x, y, z, w of a point or `node_<layer>_<i>_<j>`."""
         return point_at(self.lattice, name, self.points).pose(self.state.position)
 
     def energy(self) -> tuple[float, float]:

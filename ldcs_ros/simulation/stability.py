@@ -50,7 +50,7 @@ def stability(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) ->
 
     Args:
         model: The model.
-        q: Coordinates of the equilibrium [m, rad].
+        q: Coordinates of the equilibrium [m, rad], shape (n_coordinates,).
         time: Time of the prescribed coordinates [s].
         inputs: Commands, held.
     """

@@ -97,7 +97,7 @@ class Evaluator:
             self._measure(self._base, measure)
 
     def row(self, index: int, values: np.ndarray) -> SampleResult:
-        """Return the row of a sample; what fails for its values is in the row."""
+        """Return the row of a sample, values of shape (n_variables,); a failure for its values is in the row."""
         given = tuple(float(value) for value in values)
         try:
             simulation = self.simulation(values)
@@ -115,7 +115,7 @@ class Evaluator:
         return SampleResult(index, given, measured, stable)
 
     def simulation(self, values: np.ndarray) -> Simulation:
-        """Return a simulation with the values of a sample, near the rest state before if there is one.
+        """Return a simulation with a sample's values, shape (n_variables,), near the rest state before if there is one.
 
         Raises:
             SceneError: A value is out of its bounds, or there is no such path.

@@ -96,7 +96,7 @@ def open_table(path: Path) -> TableFile:
 
 
 def nanoseconds(seconds: np.ndarray, name: str) -> np.ndarray:
-    """Return times [ns] of times [s], NO_TIME where they are NaN; RecordingError if one is too far."""
+    """Return times [ns] of times [s], shape (n,), NO_TIME where they are NaN; RecordingError if one is too far."""
     scaled = 1e9 * seconds
     known = np.isfinite(scaled)
     if (np.abs(scaled[known]) > _FARTHEST).any() or np.isinf(scaled).any():

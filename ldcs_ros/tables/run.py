@@ -167,7 +167,7 @@ def known_axes(values: np.ndarray) -> list[int]:
 
 
 def write_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
-    """Write columns of one length into a CSV file: shortest digits that give the same number again, NaN empty."""
+    """Write columns, shape (n,) each, into a CSV file: shortest digits that give the same number again, NaN empty."""
     with path.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

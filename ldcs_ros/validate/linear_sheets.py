@@ -100,7 +100,7 @@ class LinearSheet:
 
 
 def stretched(sheet: LinearSheet) -> np.ndarray:
-    """Return the displacement [m] of a sheet whose ends are pulled apart to a mean strain of 1 without its holes.
+    """Return the displacement of a sheet [m] whose ends are pulled apart to a mean strain of 1 without its holes.
 
     The ends move freely across; only rigid motion is held.
     """

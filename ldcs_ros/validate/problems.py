@@ -19,11 +19,11 @@ SHEAR_FACTOR = 1.343146
 
 
 def stepped_thickness(x: np.ndarray) -> np.ndarray:
-    """Return the thickness of the strip that becomes thinner in steps [m], at places along it [m]."""
+    """Return the thickness of the strip that becomes thinner in steps [m], at places along it [m], shape (n,)."""
     step = np.clip(np.floor(TAPER_STEPS * x / LENGTH), 0, TAPER_STEPS - 1)
     return np.asarray(THICKNESS * (1.0 - (1.0 - TAPER) * (step + 0.5) / TAPER_STEPS))
 
 
 def tapered_half_width(x: np.ndarray) -> np.ndarray:
-    """Return half the width of the strip that becomes narrower [m], at places along it [m]."""
+    """Return half the width of the strip that becomes narrower [m], at places along it [m], shape (n,)."""
     return np.asarray(0.5 * HOLED_WIDTH * (1.0 - (1.0 - TAPER) * x / LENGTH))

@@ -85,7 +85,7 @@ class Markers:
         self._traces = Traces()
 
     def follow(self, time_ns: int, places: Mapping[str, np.ndarray]) -> None:
-        """Add the places of the named points [m] at a time [ns]: traces reach back before the first subscriber."""
+        """Add the places of named points [m], shape (3,); traces reach back before the first subscriber."""
         self._traces.follow(time_ns, places)
 
     def build(self, topic: str, time_ns: int, shown: DrawableState) -> bytes:

@@ -74,7 +74,11 @@ class Effect:
 
 
 class Term:
-    """An effect bound to an assembly; the defaults are an effect that does nothing."""
+    """An effect bound to an assembly; the defaults are an effect that does nothing.
+
+    Coordinates q [m, rad], rates u [m/s, rad/s] and forces [N, N m] have shape (n_coordinates,): x, y, z of each node
+    in ldcs_base, then the arms' angles. Times are in seconds.
+    """
 
     name: str = ""
     breakpoints: tuple[float, ...] = ()

@@ -62,7 +62,7 @@ class WrenchTerm(Term):
         return self._known[name]
 
     def in_base(self, name: str, wrench: Wrench, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return force [N] and torque [N m] with axes of ldcs_base, from node positions [m]."""
+        """Return force [N] and torque [N m] in ldcs_base, shape (3,) each; node positions [m], shape (n_nodes, 3)."""
         point, aligned = self.frame(name)
         axes = np.eye(3) if aligned else point.frame(position)
         return axes @ np.array(wrench.force), axes @ np.array(wrench.torque)

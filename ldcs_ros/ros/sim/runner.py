@@ -140,7 +140,7 @@ class Runner:
         """Run a function on the runner's thread and return what it returns.
 
         Raises:
-            InvalidStateError: The thread was busy for the timeout. Exceptions of the function pass.
+            InvalidStateError: The thread was busy for the timeout [s]. Exceptions of the function pass.
         """
         future = self.submit(function)
         try:
@@ -156,7 +156,11 @@ class Runner:
             self.twin.watchdog.suspend()
 
     def resume(self) -> None:
-        """Let time go on from where it stopped, without making up for the pause; on the runner's thread."""
+        """Let time go on from where it stopped, without making up for the pause; on the runner's thread.
+
+        Raises:
+            InvalidStateError: The simulation has failed and was not reset.
+        """
         if self.mode is RunMode.FAILED:
             raise InvalidStateError(f"{self.failure}; call reset")
         if self.mode in (RunMode.PAUSED, RunMode.STOPPED):
@@ -167,7 +171,11 @@ class Runner:
             self.twin.watchdog.resume()
 
     def step(self) -> float:
-        """Advance by one publish period while paused and return the new time [s]; on the runner's thread."""
+        """Advance by one publish period while paused and return the new time [s]; on the runner's thread.
+
+        Raises:
+            InvalidStateError: It is not paused, or the step failed.
+        """
         if self.mode is not RunMode.PAUSED:
             raise InvalidStateError(
                 f"the simulation is {self.mode.value}; step works while it is paused, call pause first"

@@ -77,7 +77,11 @@ class Control:
     def change_state(
         self, request: SetSimulationState.Request, response: SetSimulationState.Response
     ) -> None:
-        """Play, pause, stop (back to the start) or quit."""
+        """Play, pause, stop (back to the start) or quit.
+
+        Raises:
+            ResultError: The state is none of these.
+        """
         target = request.state.state
         if target not in _WORDS:
             expected = ", ".join(f"{word} ({number})" for number, word in _WORDS.items())
@@ -103,7 +107,11 @@ class Control:
             raise ResultError(SetSimulationState.Response.STATE_TRANSITION_ERROR, str(error)) from error
 
     def reset(self, request: ResetSimulation.Request, response: ResetSimulation.Response) -> None:
-        """Go back to the scene's start, time and state together: a run could not be repeated from half a reset."""
+        """Go back to the scene's start, time and state together: a run could not be repeated from half a reset.
+
+        Raises:
+            ResultError: The scope is a part of it.
+        """
         scope = request.scope
         if scope != ResetSimulation.Request.SCOPE_DEFAULT and scope & _WHOLE != _WHOLE:
             raise ResultError(

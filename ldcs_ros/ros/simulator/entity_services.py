@@ -65,7 +65,7 @@ class EntityServices:
         response.info.tags = list(entity.tags)
 
     def refuse_to_set(self, request: SetEntityState.Request, response: SetEntityState.Response) -> None:
-        """Refuse to move an entity by hand."""
+        """Refuse to move an entity by hand: raise ResultError."""
         raise ResultError(
             Result.RESULT_FEATURE_UNSUPPORTED,
             "entities cannot be moved by hand: a run must be repeatable from its bag; "

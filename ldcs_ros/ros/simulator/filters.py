@@ -298,7 +298,7 @@ class Sphere(Region):
 
     @classmethod
     def of(cls, points: Sequence[Corner]) -> Sphere:
-        """Return the sphere by its centre and, in x of the second point, its radius."""
+        """Return the sphere by its centre and, in x of the second point, its radius; ValueError for a negative one."""
         centre, second = _two(points, "a sphere by its centre and, in x of the second point, its radius")
         if second[0] < 0.0:
             raise ValueError(f"bounds with a radius of {second[0]:g} m, expected 0 and more")

@@ -63,7 +63,7 @@ class Worlds:
         response.worlds = [world for world in worlds if choice.matches(world.tags)]
 
     def current(self, request: GetCurrentWorld.Request, response: GetCurrentWorld.Response) -> None:
-        """Report the loaded scene, whole."""
+        """Report the loaded scene, whole; ResultError without one."""
         runner = self._host.runner
         if runner is None:
             reason = "no scene is loaded; configure the node first"
