@@ -39,6 +39,9 @@ test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, the
 reduced: setup  ## train the reduced model of the rig and measure it on 200 held-out runs: RUNS=30 for fewer
 	@$(BIN)/python tools/reduced_figures.py $(RUNS)
 
+reach: setup  ## measure inverse statics: random places of the rig, shapes of the mould with their bounds: COUNT=10 SEED=3
+	@$(BIN)/python tools/reach_figures.py $(or $(COUNT),100) $(or $(SEED),1)
+
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench
 
@@ -139,4 +142,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test reduced bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test reduced reach bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

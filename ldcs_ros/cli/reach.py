@@ -214,7 +214,9 @@ def _reach(
     options = {"starts": arguments.starts, "seed": arguments.seed}
     found = reach(simulation, targets, variables, shape=shape, **options)
     best = found[0]
-    bound = free_arms(simulation, targets, variables, best, shape=shape) if arguments.bound else None
+    bound = (
+        free_arms(simulation, targets, variables, found, shape=shape, **options) if arguments.bound else None
+    )
     reached = best.distance <= arguments.tolerance
     if arguments.output is not None:
         _draw(scene, best, shape, arguments.output)

@@ -21,6 +21,10 @@ from ldcs_ros.simulation.threads import one_thread
 MOST_STEPS = 60
 # The residual's slope along each free command, over its range [m]: below it no better point is near.
 OPTIMAL = 1e-10
+# A distance that a step makes shorter than this part of it goes on to 0: no curvature of what remains is needed.
+FALL = 0.5
+# Directions that move the targets less, squared, beside the others [-]: no step resolves them.
+ROUNDING = 1e-14
 # Commands that differ by less, of their range, are one solution.
 SAME = 1e-3
 
@@ -109,40 +113,28 @@ def reach(
 ) -> list[Reached]:
     """Return the solutions that were found, the nearest first.
 
-    Gauss-Newton steps with bounds (an active-set method for the linear problem), shortened until the distance falls.
-    Each is a solve of the full model to convergence.
+    Gauss-Newton steps with a secant of the curvature and with bounds (an active-set method), shortened until the
+    distance falls. Each is a solve of the full model to convergence.
 
     Args:
         simulation: The simulation; the branch of its present rest state is followed. It stays as it is.
         targets: Coordinates that shall be reached.
         variables: What may vary, and within which bounds.
         shape: Shape of the whole sheet that shall be reached; its RMS counts beside the targets.
-        starts: Number of starting points: the middle of the bounds, then random ones.
+        starts: Number of starting points: the present commands, brought within the bounds, then random ones.
         seed: Seed of the random ones.
 
     Raises:
         ValueError: There is no target or variable, a name is unknown, or bounds are in the wrong order.
         DivergenceError: The scene has no rest state at any starting point.
     """
+    at = simulation.operating_point()
+    present = np.array([command.present(at.held) for command in commands_of(at, variables)])
+    draw = np.random.default_rng(seed)
+    low, high = np.array([(variable.low, variable.high) for variable in variables]).T
+    others = [draw.uniform(low, high) for _ in range(starts - 1)]
     with one_thread():
-        at = simulation.operating_point()
-        problem = _Problem(at, targets, variables, shape)
-        draw = np.random.default_rng(seed)
-        found: list[Reached] = []
-        failed: DivergenceError | None = None
-        for start in range(starts):
-            fraction = np.full(len(variables), 0.5) if start == 0 else draw.random(len(variables))
-            try:
-                solution = problem.solve(fraction)
-            except DivergenceError as error:
-                failed = error
-                continue
-            if not any(problem.same(solution, other) for other in found):
-                found.append(solution)
-    if not found:
-        assert failed is not None
-        raise failed
-    return sorted(found, key=lambda one: one.distance)
+        return reach_from(at, targets, variables, shape, [present, *others])
 
 
 def reach_from(
@@ -150,16 +142,29 @@ def reach_from(
     targets: Sequence[TargetCoordinate],
     variables: Sequence[Variable],
     shape: ShapeTarget | None,
-    values: np.ndarray,
-) -> Reached:
-    """Return the solution that the search from given values of the variables finds, shape (n_variables,).
+    starts: Sequence[np.ndarray],
+) -> list[Reached]:
+    """Return the solutions that searches from values of the variables find, shape (n_variables,), the nearest first.
 
     Raises:
         ValueError: As `reach`.
-        DivergenceError: There is no rest state there.
+        DivergenceError: There is no rest state at any of them.
     """
     problem = _Problem(at, targets, variables, shape)
-    return problem.solve(problem.fractions(values))
+    found: list[Reached] = []
+    failed: DivergenceError | None = None
+    for values in starts:
+        try:
+            solution = problem.solve(problem.fractions(values))
+        except DivergenceError as error:
+            failed = error
+            continue
+        if not any(problem.same(solution, other) for other in found):
+            found.append(solution)
+    if not found:
+        assert failed is not None
+        raise failed
+    return sorted(found, key=lambda one: one.distance)
 
 
 def commands_of(at: OperatingPoint, variables: Sequence[Variable]) -> list[CommandDirection]:
@@ -233,16 +238,26 @@ class _Problem:
         states = self._states
         states.go_to(self._low + fraction * self._range)
         residual, slope = self._residual(), self._slope()
-        steps = 0
+        steps, still = 0, np.zeros((len(fraction), len(fraction)))
+        curvature, falls = still, True
         while steps < MOST_STEPS:
             steps += 1
             if self._optimality(residual, slope, fraction) < OPTIMAL:
                 break
-            move = lsq_linear(slope, -residual, (-fraction - 1e-15, 1.0 - fraction + 1e-15), method="bvls").x
+            used = still if falls else curvature
+            move = _bounded_step(slope, residual, used, -fraction, 1.0 - fraction)
             if not self._shorten(fraction, move, residual, slope):
-                break
+                if not used.any():
+                    break
+                curvature = still
+                continue
+            before, residual_before, slope_before = fraction, residual, slope
             fraction = self.fractions(states.values)
             residual, slope = self._residual(), self._slope()
+            bent = (slope - slope_before).T @ residual
+            change = slope.T @ residual - slope_before.T @ residual_before
+            curvature = _updated(curvature, fraction - before, bent, change)
+            falls = float(residual @ residual) < FALL**2 * float(residual_before @ residual_before)
         return self._result(fraction, residual, slope, steps)
 
     def _shorten(
@@ -299,3 +314,40 @@ class _Problem:
         """Return whether two solutions are one."""
         a, b = (np.array(list(solution.commands.values())) for solution in (one, other))
         return bool(np.all(np.abs(a - b) <= SAME * self._range))
+
+
+def _bounded_step(
+    slope: np.ndarray, residual: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Return the step x within bounds that minimises |residual + slope x|^2 + x curvature x."""
+    gram = slope.T @ slope
+    values, vectors = np.linalg.eigh(gram + curvature)
+    if values[0] < -ROUNDING * values[-1]:
+        # Bent downwards there is no least value.
+        values, vectors = np.linalg.eigh(gram)
+    kept = values > ROUNDING * values.max()
+    root, along = np.sqrt(values[kept]), vectors[:, kept].T
+    right = -(along @ (slope.T @ residual)) / root
+    return np.asarray(lsq_linear(root[:, None] * along, right, (low - 1e-15, high + 1e-15), method="bvls").x)
+
+
+def _updated(curvature: np.ndarray, step: np.ndarray, bent: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Return the sum of residuals times their second derivatives after a step, from its secant.
+
+    Where targets stay out of reach, steps without it converge slowly. Update and scale are those of Dennis, Gay and
+    Welsch (1981, An adaptive nonlinear least-squares algorithm, eq. 3.2 and 3.6).
+
+    Args:
+        curvature: Before, shape (n, n).
+        step: Change of the commands, shape (n,).
+        bent: Change of the slopes, times the residual at the end: what curvature times step shall be.
+        change: Change of the gradient.
+    """
+    along = float(step @ change)
+    if not along > 0.0:
+        return np.zeros_like(curvature)
+    own = float(step @ curvature @ step)
+    scaled = curvature * (min(1.0, abs(float(step @ bent) / own)) if own != 0.0 else 1.0)
+    missing = bent - scaled @ step
+    outer = np.outer(missing, change) / along
+    return scaled + outer + outer.T - float(missing @ step) / along**2 * np.outer(change, change)

@@ -7,27 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import linalg as sparse_linalg
 
+from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.simulation.command_directions import CommandDirection, OperatingPoint, force_slope
-from ldcs_ros.simulation.equilibrium import equilibrium
+from ldcs_ros.simulation.equilibrium import LARGEST_STEP, equilibrium
 from ldcs_ros.simulation.linear_model import stiffness_and_damping
 from ldcs_ros.simulation.stability import Stability, stability
-
-# A chord step below it is rounding [m, rad].
-BALANCED = 1e-11
-MOST_CHORDS = 25
-# A chord step that shrinks by less asks for new factors.
-SLOWEST_RATE = 0.5
-MOST_FACTORS = 12
-# A step beyond it leaves the branch [m, rad].
-FARTHEST = 0.5
 
 
 class RestStates:
     """The equilibrium of a model under commands, followed from one to the next.
 
-    A prediction by the sensitivities and chord steps with kept factors find a near equilibrium in milliseconds; where
-    they fail, the static solver takes over.
+    The static solver goes on from a prediction by the sensitivities, at first as Newton's method.
 
     Args:
         at: The state near the first equilibrium.
@@ -46,9 +37,9 @@ class RestStates:
         self.values = np.array([command.present(self._base) for command in commands])
         self.q = at.q.copy()
         self._still = np.zeros_like(self.q)
-        self._factors = self._factors_at(self.q, self._base)
-        self.q = self._newton(self.q, self._base)
-        self._factor()
+        self._system = LinearSystem(at.model)
+        self.q = self._rest(self.q, self._base)
+        self._find_moves()
 
     def held(self, values: np.ndarray) -> HeldCommands:
         """Return the commands with given values, shape (n_commands,)."""
@@ -68,39 +59,19 @@ class RestStates:
             DivergenceError: There is none near; nothing changed.
         """
         held = self.held(values)
-        q = self._newton(self.q + self.moves @ (values - self.values), held)
+        q = self._rest(self.q + self.moves @ (values - self.values), held)
         self.q, self.values = q, np.array(values)
-        self._factor()
+        self._find_moves()
 
-    def _newton(self, q: np.ndarray, held: HeldCommands) -> np.ndarray:
-        free, factors = self._model.free, self._factors
-        start = q.copy()
-        for _ in range(MOST_FACTORS):
-            before = np.inf
-            for _ in range(MOST_CHORDS):
-                move = -factors.solve(self._model.force(self._time, q, self._still, held))
-                largest = float(np.abs(move).max())
-                if not np.isfinite(largest) or largest > SLOWEST_RATE * before:
-                    break
-                q[free] += move
-                if largest < BALANCED:
-                    return q
-                before = largest
-            if not np.isfinite(largest) or largest > FARTHEST:
-                break
-            factors = self._factors_at(q, held)
-        return equilibrium(self._model, start, self._time, held)
+    def _rest(self, q: np.ndarray, held: HeldCommands) -> np.ndarray:
+        return equilibrium(self._model, q, self._time, held, first_step=LARGEST_STEP, system=self._system)
 
-    def _factors_at(self, q: np.ndarray, held: HeldCommands) -> sparse_linalg.SuperLU:
-        by_q, _ = stiffness_and_damping(self._model, self._time, q, self._still, held)
-        return sparse_linalg.splu(by_q)
-
-    def _factor(self) -> None:
+    def _find_moves(self) -> None:
         held = self.held(self.values)
-        self._factors = self._factors_at(self.q, held)
+        by_q, _ = stiffness_and_damping(self._model, self._time, self.q, self._still, held)
         slopes = [
             force_slope(self._model, self._time, self.q, self._still, held, command)
             for command in self._commands
         ]
         self.moves = np.zeros((len(self.q), len(slopes)))
-        self.moves[self._model.free] = -self._factors.solve(np.array(slopes).T)
+        self.moves[self._model.free] = -sparse_linalg.splu(by_q).solve(np.array(slopes).T)

@@ -22,7 +22,15 @@ MOST_EQUILIBRIA = 9
 SAME_PLACE = 1e-7
 
 
-def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) -> np.ndarray:
+def equilibrium(
+    model: Model,
+    q: np.ndarray,
+    time: float,
+    inputs: HeldCommands,
+    *,
+    first_step: float = FIRST_STEP,
+    system: LinearSystem | None = None,
+) -> np.ndarray:
     """Return the coordinates at which the forces of constant inputs balance.
 
     Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f, and h grows as the
@@ -34,16 +42,18 @@ def equilibrium(model: Model, q: np.ndarray, time: float, inputs: HeldCommands) 
         q: Coordinates of the start [m, rad].
         time: Time of the prescribed coordinates [s].
         inputs: Commands, held.
+        first_step: First h [s]; `LARGEST_STEP` begins as Newton's method, from a start near the equilibrium.
+        system: The model's linear system, where the caller keeps one.
 
     Raises:
         DivergenceError: No balance was found; nothing holds the sheet, for example.
     """
-    system = LinearSystem(model)
+    system = system or LinearSystem(model)
     q, u = q.copy(), np.zeros_like(q)
     model.prescribe(time, q, u)
     u[:] = 0.0
     reach, lever = 0.5 * min(model.lattice.spacing), _lever(model)
-    h, before = FIRST_STEP, np.inf
+    h, before = first_step, np.inf
     for _ in range(MOST_ITERATIONS):
         force = model.force(time, q, u, inputs)
         try:

@@ -71,6 +71,13 @@ def test_inside_the_bounds_the_nearest_point_has_no_way_down(simulation):
     assert min(around) > best.distance
 
 
+def test_far_out_of_reach_few_steps_lead_to_the_nearest_point(simulation):
+    # What remains is long and the sheet bends away from it: steps by slopes alone do not end in 60.
+    targets = [TargetCoordinate("P1", axis, x) for axis, x in zip("xyz", (0.15, -0.02, 0.02), strict=True)]
+    best = reach(simulation, targets, BOTH)[0]
+    assert best.distance > 0.02 and best.optimality < 1e-9 and not best.at_bounds and best.steps <= 30
+
+
 def test_a_weight_draws_the_nearest_point_to_its_target(simulation):
     def apart(weight):
         targets = [TargetCoordinate("P1", "z", 0.005, weight), TargetCoordinate("P1", "x", 0.134)]
