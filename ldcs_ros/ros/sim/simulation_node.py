@@ -255,6 +255,11 @@ class SimulationNode(ParameterNode, LifecycleNode):
             diagnostics=False,
         )
         _warm_up(twin)
+        if scene.points and "tracker" not in scene.sensors:
+            self.get_logger().info(
+                "the scene has no tracker under sensors, so nothing is sent on POINT/pose; "
+                "truth/POINT/pose has the exact places"
+            )
         return twin
 
     def _start(self, twin: Twin) -> None:
