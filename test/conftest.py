@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
+from pathlib import Path
+
+# For `small_sheet`, the scene of many tests.
+sys.path.insert(0, str(Path(__file__).parent))
 
 # Before any test module imports a message package, rclpy or matplotlib; processes under test inherit them.
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
 
 import rig_bag
-from moving_sheet import SCENE
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
+
+SCENE = small_sheet()
 
 
 def record(folder, *, seed=None, **changes):

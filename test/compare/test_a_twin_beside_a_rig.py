@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 import yaml
-from moving_sheet import SCENE
 from rig_bag import WALL, array, transform, write
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
@@ -16,6 +16,7 @@ from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.twin.twin import Twin
 
+SCENE = small_sheet()
 MAPPING = """\
 commands:
   - {topic: /valves/setpoint, to: pressure_command, unit: mbar, arms: [right, left]}

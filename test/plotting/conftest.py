@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.bags import Recording
@@ -10,22 +11,13 @@ from ldcs_ros.bags.recording import Message
 from ldcs_ros.twin.recorder import run_metadata
 from ldcs_ros.twin.twin import Twin
 
-SCENE = {
-    "title": "A small sheet on a pneumatic pair of arms",
-    "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [5, 4], "mass": 0.160},
-    "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
-        {"type": "gravity"},
-        {"type": "clamp", "edge": "x_min"},
-        {"type": "payload", "at": "P1", "mass": 0.010},
-        {"type": "force", "at": ["top", 4, 0], "value": [0.0, 0.1, 0.0]},
-        {"type": "arms", "drive": "pressure"},
-    ],
-    "inputs": [{"time": 0.0, "pressure": [1.0e5, 0.8e5]}],
-    "sensors": {"tracker": {"points": ["P1"], "rate": 80.0, "delay": 0.02}, "pressure": {"rate": 100.0}},
-    "solver": {"integrator": "auto", "accuracy": 1.0e-4},
-}
+SCENE = small_sheet(
+    {"type": "payload", "at": "P1", "mass": 0.010},
+    {"type": "force", "at": ["top", 4, 0], "value": [0.0, 0.1, 0.0]},
+    nodes=(5, 4),
+    inputs=[{"time": 0.0, "pressure": [1.0e5, 0.8e5]}],
+    sensors={"tracker": {"points": ["P1"], "rate": 80.0, "delay": 0.02}, "pressure": {"rate": 100.0}},
+)
 
 
 def recorded(scene, *, until):

@@ -6,22 +6,16 @@ import json
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
 from ldcs_ros.reach import TargetCoordinate, Variable, reach
 
-CONTENT = {
-    "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [5, 5], "mass": 0.16},
-    "points": {"P0": ["mid", 2, 2], "P1": ["mid", 4, 2], "P2": ["mid", 4, 4]},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0},
-        {"type": "gravity"},
-        {"type": "clamp"},
-        {"type": "payload", "at": "P1", "mass": 0.04},
-        {"type": "arms", "drive": "pressure"},
-    ],
-}
+CONTENT = small_sheet(
+    {"type": "payload", "at": "P1", "mass": 0.04},
+    points={"P0": ["mid", 2, 2], "P1": ["mid", 4, 2], "P2": ["mid", 4, 4]},
+)
 BOTH = [Variable("pressure.left", 0.0, 190e3), Variable("pressure.right", 0.0, 190e3)]
 
 

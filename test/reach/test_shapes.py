@@ -6,21 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
 from ldcs_ros.reach import Variable, free_arms, reach, shape_target, workspace
 
-CONTENT = {
-    "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [5, 5], "mass": 0.16},
-    "points": {"P0": ["mid", 2, 2], "P1": ["mid", 4, 2]},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0},
-        {"type": "gravity"},
-        {"type": "clamp"},
-        {"type": "arms", "drive": "pressure"},
-    ],
-}
+CONTENT = small_sheet()
 BOTH = [Variable("pressure.left", 0.0, 190e3), Variable("pressure.right", 0.0, 190e3)]
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.twin.recorder import Recorder
@@ -18,25 +19,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 def scene_with(drive, **more):
     """Return a 4 x 4 sheet with arms, wrench effect and noisy sensors."""
+    sensors = {
+        "tracker": {"points": ["P0", "P1"], "rate": 80.0, "delay": 0.02, "seed": 3},
+        "pressure": {"rate": 100.0, "noise": 50.0},
+    }
     return load_scene(
-        {
-            "title": "A small sheet for replays",
-            "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [4, 4], "mass": 0.160},
-            "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
-            "effects": [
-                {"type": "springs", "stiffness": 80.0, "damping": 5.0},
-                {"type": "gravity"},
-                {"type": "clamp", "edge": "x_min"},
-                {"type": "arms", "drive": drive},
-                {"type": "wrench"},
-            ],
-            "sensors": {
-                "tracker": {"points": ["P0", "P1"], "rate": 80.0, "delay": 0.02, "seed": 3},
-                "pressure": {"rate": 100.0, "noise": 50.0},
-            },
-            "solver": {"integrator": "auto", "accuracy": 1.0e-4},
-            **more,
-        }
+        small_sheet({"type": "wrench"}, nodes=(4, 4), arms={"drive": drive}, **{"sensors": sensors, **more})
     )
 
 

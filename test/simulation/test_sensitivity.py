@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 
-CONTENT = {
-    "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [5, 5], "mass": 0.16},
-    "points": {"P0": ["mid", 2, 2], "P1": {"x": 0.13, "y": 0.01}},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
-        {"type": "gravity"},
-        {"type": "clamp"},
-        {"type": "payload", "at": "P1", "mass": 0.04},
-        {"type": "arms", "drive": "pressure", "joint_stiffness": 0.34, "links": 3},
-        {"type": "wrench"},
-    ],
-    "inputs": [{"time": 0.0, "pressure": 100e3}],
-    "solver": {"accuracy": 1e-6},
-}
+CONTENT = small_sheet(
+    {"type": "payload", "at": "P1", "mass": 0.04},
+    {"type": "wrench"},
+    points={"P0": ["mid", 2, 2], "P1": {"x": 0.13, "y": 0.01}},
+    arms={"joint_stiffness": 0.34, "links": 3},
+    inputs=[{"time": 0.0, "pressure": 100e3}],
+    solver={"accuracy": 1e-6},
+)
 COMMANDS = {"pressure.left": 50.0, "pressure.right": 50.0, "wrench.P1.force.z": 1e-3}
 NUMBERS = {
     "effects.payload.mass": 1e-5,

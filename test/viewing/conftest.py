@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.bags import read_bag
@@ -11,25 +12,15 @@ from ldcs_ros.messages import messages
 from ldcs_ros.twin.recorder import Recorder
 from ldcs_ros.twin.twin import Twin
 
-SCENE = {
-    "title": "A small sheet on a pneumatic pair of arms",
-    "lattice": {"size": [0.140, 0.140, 0.010], "nodes": [5, 4], "mass": 0.160},
-    "points": {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]},
-    "effects": [
-        {"type": "springs", "stiffness": 80.0, "damping": 5.0},
-        {"type": "gravity"},
-        {"type": "clamp", "edge": "x_min"},
-        {"type": "payload", "at": "P1", "mass": 0.010},
-        {"type": "arms", "drive": "pressure"},
-        {"type": "wrench"},
-    ],
-    "inputs": [
+SCENE = small_sheet(
+    {"type": "payload", "at": "P1", "mass": 0.010},
+    {"type": "wrench"},
+    nodes=(5, 4),
+    inputs=[
         {"time": 0.0, "pressure": [1.0e5, 0.8e5]},
         {"time": 0.1, "wrench": {"frame": "P0_aligned", "force": [0.0, 0.2, 0.0]}},
     ],
-    "sensors": {"tracker": {"points": ["P0", "P1"], "rate": 80.0}, "pressure": {"rate": 100.0}},
-    "solver": {"integrator": "auto", "accuracy": 1.0e-4},
-}
+)
 END = 0.4
 
 
