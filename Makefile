@@ -50,8 +50,9 @@ lint: setup  ## check the style and the spelling
 	@$(BIN)/typos --format brief .
 
 hard: setup  ## run the hard cases that docs/hard_cases.csv lacks, write docs/hard_cases.md: HARD='--only floor' for a few
-	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD)
-	@$(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 test/hard/test_drawn_scenes.py)
+	@$(BIN)/ldcs study --hard -o $(if $(HARD),out/hard,docs) $(HARD); missed=$$?; \
+	  $(if $(HARD),true,source tools/environment.sh && LDCS_EXAMPLES=400 $(BIN)/python -m pytest -q --timeout=3600 \
+	  test/hard/test_drawn_scenes.py) && exit $$missed
 
 viewer: setup  ## install the viewer of `ldcs view` (half a gigabyte) and check it in a headless chromium
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/view.lock

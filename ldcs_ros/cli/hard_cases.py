@@ -19,9 +19,7 @@ def run_hard_cases(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.hard.runner import CaseResult, run_cases
     from ldcs_ros.study.timing import machine
 
-    cases = [
-        case for case in CASES.values() if arguments.only in case.name and (arguments.slow or not case.slow)
-    ]
+    cases = [case for case in CASES.values() if arguments.only in case.name]
     chosen = {case.name for case in cases}
     kept = [
         result
@@ -48,7 +46,6 @@ def run_hard_cases(arguments: argparse.Namespace) -> int:
     order = {name: place for place, name in enumerate(CASES)}
     results = sorted(kept, key=lambda result: order[result.case.name])
     command = "ldcs study --hard" + (f" --only '{arguments.only}'" if arguments.only else "")
-    command += " --slow" if arguments.slow else ""
     command += f" --jobs {arguments.jobs}" if arguments.jobs > 1 else ""
     path = write_page(results, arguments.output, machine=machine(), command=command)
     if arguments.json:

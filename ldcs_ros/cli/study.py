@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="preset",
         action="store_const",
         const="hard",
-        help="the hard cases instead: a quarter of an hour",
+        help="the hard cases instead: a quarter of an hour of processor time",
     )
     preset.add_argument(
         "--accuracy",
@@ -73,7 +73,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="WORD", default="", help="with --hard and --accuracy: cases with it in their name"
     )
-    parser.add_argument("--slow", action="store_true", help="with --hard: cases of a minute and more, too")
     parser.add_argument(
         "--scenes", metavar="N", type=count, help="with --accuracy: random scenes; 60 if not given"
     )

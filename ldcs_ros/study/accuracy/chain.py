@@ -64,6 +64,12 @@ class Chains:
                     self.tilt[a, s, first : first + 2] = weights
         self.used = self.mass > 0.0
         self.inertia = np.array([own.link_inertia for own in self.own])
+        order = np.arange(self.n)
+        share = np.where(order < order[:, None], 1.0, 0.0) + 0.5 * np.eye(self.n)
+        self.reach = share * self.length[:, None, :]  # arm, link, angle
+        self.own_inertia = self.inertia[:, None, None] * np.eye(self.n) + ~self.used[:, None, :] * np.eye(
+            self.n
+        )
         self._tie(effect)
 
     def _tie(self, effect: Arms) -> None:
@@ -145,25 +151,23 @@ class Chains:
         return np.asarray(np.linalg.solve(matrix, np.where(self.used, push, 0.0)[..., None])[..., 0].ravel())
 
     def _chains(self, phi: np.ndarray, rate: np.ndarray, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        order = np.arange(self.n)
-        share = np.where(order < order[:, None], 1.0, 0.0) + 0.5 * np.eye(self.n)
-        reach = share * self.length[:, None, :]  # arm, link, angle
         cos, sin = np.cos(phi)[:, None], np.sin(phi)[:, None]
-        matrix = self.inertia[:, None, None] * np.eye(self.n)
+        matrix = self.own_inertia
         push = np.zeros_like(phi)
+        square = (rate**2)[..., None]
         along = self.direction @ self.sheet.gravity[:2]
         for slope, curve, gravity in (
-            (-reach * sin, reach * cos, along[:, None]),
-            (reach * cos, reach * sin, self.sheet.gravity[2]),
+            (-self.reach * sin, self.reach * cos, along[:, None]),
+            (self.reach * cos, self.reach * sin, self.sheet.gravity[2]),
         ):
-            matrix = matrix + np.einsum("ak,aki,akj->aij", self.mass, slope, slope)
-            centripetal = -np.einsum("akj,aj->ak", curve, rate**2)
-            push += np.einsum("aki,ak->ai", slope, self.mass * (gravity - centripetal))
-        matrix[:, order, order] += ~self.used
-        moment = (
-            drive - self.stiffness * np.diff(phi, prepend=0.0) - self.damping * np.diff(rate, prepend=0.0)
-        )
-        moment = np.where(self.used, moment, 0.0)
+            turned = slope.transpose(0, 2, 1)
+            matrix = matrix + turned @ (self.mass[..., None] * slope)
+            centripetal = -(curve @ square)[..., 0]
+            push += (turned @ (self.mass * (gravity - centripetal))[..., None])[..., 0]
+        bend, bend_rate = phi.copy(), rate.copy()
+        bend[:, 1:] -= phi[:, :-1]
+        bend_rate[:, 1:] -= rate[:, :-1]
+        moment = np.where(self.used, drive - self.stiffness * bend - self.damping * bend_rate, 0.0)
         push += moment
         push[:, :-1] -= moment[:, 1:]
         return matrix, push

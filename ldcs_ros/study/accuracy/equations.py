@@ -8,7 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import bmat, csc_matrix, identity
+from scipy.sparse import bmat, csc_matrix, csr_matrix, identity
 
 from ldcs_ros.schema.fields import SheetPlace
 from ldcs_ros.study.accuracy.chain import Chains
@@ -47,6 +47,10 @@ class Equations:
         self.a, self.b = np.array(pairs).T
         self.vector = self.rest[self.b] - self.rest[self.a]
         self.length = np.linalg.norm(self.vector, axis=1)
+        # Adds each spring's pull to its first node and subtracts it from its second.
+        ends, spring = np.concatenate([self.a, self.b]), np.arange(len(pairs))
+        signs = np.repeat([1.0, -1.0], len(pairs))
+        self.incidence = csr_matrix((signs, (ends, np.tile(spring, 2))), shape=(self.n, len(pairs)))
         effects: list[Any] = list(scene.effects)
         self.effects: dict[str, Any] = {effect.name: effect for effect in effects}
         self.points = {
@@ -220,12 +224,10 @@ class Equations:
         if effect.law == "axiswise":
             pull = k[:, None] * (r - self.vector) + c[:, None] * w
         else:
-            length = np.linalg.norm(r, axis=1)
+            length = np.sqrt(np.einsum("ij,ij->i", r, r))
             axis = r / length[:, None]
             pull = (k * (length - self.length) + c * (axis * w).sum(axis=1))[:, None] * axis
-        np.add.at(force, self.a, pull)
-        np.subtract.at(force, self.b, pull)
-        return force
+        return np.asarray(self.incidence @ pull)
 
     def _corotational(self, x: np.ndarray, v: np.ndarray, k: float, c: float) -> np.ndarray:
         # Kabsch's best rotation of each star by singular values; least-dissipation spin by normal equations.

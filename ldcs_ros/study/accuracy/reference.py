@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time as wall_clock
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -25,9 +26,12 @@ if TYPE_CHECKING:
 
 Slope = Callable[[float, np.ndarray], np.ndarray]
 
-RELATIVE, ABSOLUTE = 1e-9, 1e-11
+# Relative tolerance; the absolute ones are fractions of it.
+TOLERANCE, POSITION_FRACTION, RATE_FRACTION = 1e-9, 1e-2, 1.0
 # Free coordinates from which Radau's Jacobian is sparse.
-SPARSE_SIZE = 100
+SPARSE_SIZE = 30
+EQUILIBRIUM_ITERATIONS = 12
+JACOBIAN_STEPS = 6
 POSITION_STEP, RATE_STEP = 1e-7, 1e-3  # m or rad, m/s or rad/s
 CACHE = Path("out/references")
 FORMAT = 1
@@ -45,14 +49,16 @@ def start_velocity(case: Case, rest: np.ndarray) -> np.ndarray | None:
     return np.asarray(np.array(case.drift) + np.cross(np.array(case.spin), rest - centre))
 
 
-def reference(case: Case, *, cache: Path = CACHE, seconds: float = 60.0) -> np.ndarray:
+def reference(
+    case: Case, *, cache: Path = CACHE, seconds: float = 60.0, tolerance: float = TOLERANCE
+) -> np.ndarray:
     """Return the positions of all nodes at the looks of a case [m], shape (looks, n_nodes, 3).
 
     Raises:
         TooSlow: The reference takes longer than `seconds` of computing.
     """
     key = json.dumps(
-        [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks],
+        [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks, tolerance],
         sort_keys=True,
         default=float,
     )
@@ -65,7 +71,7 @@ def reference(case: Case, *, cache: Path = CACHE, seconds: float = 60.0) -> np.n
                 raise TooSlow(case.name)
     cache.mkdir(parents=True, exist_ok=True)
     try:
-        positions = _solve(case, seconds)
+        positions = _solve(case, seconds, tolerance)
     except TooSlow:
         np.savez(path, too_slow=seconds)
         raise
@@ -78,7 +84,7 @@ def looks_of(case: Case) -> np.ndarray:
     return np.linspace(0.0, case.duration, case.looks + 1)[1:]
 
 
-def _solve(case: Case, seconds: float) -> np.ndarray:
+def _solve(case: Case, seconds: float, tolerance: float) -> np.ndarray:
     scene = load_scene(case.content)
     equations = Equations(scene)
     free, n = equations.free, len(equations.free)
@@ -110,12 +116,10 @@ def _solve(case: Case, seconds: float) -> np.ndarray:
         if end <= begin:
             continue
         method = Radau if _is_stiff(slope, begin, y, n) else DOP853
-        atol = np.concatenate([np.full(n, ABSOLUTE), np.full(n, 1e2 * ABSOLUTE)])
+        atol = tolerance * np.repeat([POSITION_FRACTION, RATE_FRACTION], n)
         first = min(1e-6, 0.1 * (end - begin))
-        sparse = (
-            {"jac": partial(_differences, slope, pattern)} if method is Radau and pattern is not None else {}
-        )
-        solver = method(slope, begin, y, end, rtol=RELATIVE, atol=atol, first_step=first, **sparse)
+        sparse = {"jac": _KeptJacobian(slope, pattern)} if method is Radau and pattern is not None else {}
+        solver = method(slope, begin, y, end, rtol=tolerance, atol=atol, first_step=first, **sparse)
         while solver.status == "running":
             if wall_clock.process_time() > deadline:
                 raise TooSlow(case.name)
@@ -131,19 +135,72 @@ def _solve(case: Case, seconds: float) -> np.ndarray:
     return positions
 
 
-def _differences(slope: Slope, pattern: csc_matrix, t: float, y: np.ndarray) -> csc_matrix:
+def equilibrium(case: Case, position: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return the node positions without acceleration nearest to a state [m], shape (n_nodes, 3), for the last commands.
+
+    Args:
+        case: The case.
+        position: Node positions to start from [m], shape (n_nodes, 3).
+        angles: Link angles to start from [rad], shape (n_arms, n_links).
+
+    Raises:
+        ArithmeticError: Newton's iteration does not converge.
+    """
+    scene = load_scene(case.content)
+    equations = Equations(scene)
+    free, nodes = equations.free, 3 * equations.n
+    for _, act in _events(scene, equations, case.duration):
+        act()
+    q, u = equations.begin()
+    # Nodes of holes have no position.
+    here = np.concatenate([np.where(np.isfinite(position), position, equations.rest).ravel(), angles.ravel()])
+    q[free] = here[free]
+    equations.prescribe(case.duration, q, u)
+    u[:] = 0.0
+
+    def acceleration(x: np.ndarray) -> np.ndarray:
+        q[free] = x
+        return np.asarray(equations.accelerations(case.duration, q, u)[free])
+
+    x = q[free].copy()
+    for _ in range(EQUILIBRIUM_ITERATIONS):
+        moves = POSITION_STEP * np.eye(len(x))
+        slope = np.array([acceleration(x + move) - acceleration(x - move) for move in moves]).T
+        move = np.linalg.lstsq(slope / (2.0 * POSITION_STEP), -acceleration(x), rcond=None)[0]
+        x += move
+        if np.abs(move).max() < 1e-9:
+            q[free] = x
+            return q[:nodes].reshape(-1, 3)
+    raise ArithmeticError(f"{case.name}: Newton's iteration on the independent equations does not converge")
+
+
+class _KeptJacobian:
     # Central differences, those of columns without a common row at once. SciPy's own steps are fractions of each
-    # value: too small where a coordinate or a rate is nearly 0.
-    groups, n = group_columns(pattern), len(y) // 2
-    size = np.repeat([POSITION_STEP, RATE_STEP], n)
-    rows, columns = pattern.nonzero()
-    values = np.empty(len(rows))
-    for group in range(groups.max() + 1):
-        move = np.where(groups == group, size, 0.0)
-        change = slope(t, y + move) - slope(t, y - move)
-        here = groups[columns] == group
-        values[here] = change[rows[here]] / (2.0 * size[columns[here]])
-    return csc_matrix((values, (rows, columns)), shape=pattern.shape)
+    # value: too small where a coordinate or a rate is nearly 0. Radau asks for a Jacobian after almost each step; a
+    # kept one changes the number of its iterations only. It asks again at the same time where they do not converge.
+
+    def __init__(self, slope: Slope, pattern: csc_matrix) -> None:
+        self.slope, self.pattern = slope, pattern
+        self.rows, columns = pattern.nonzero()
+        self.columns, self.group = columns, group_columns(pattern)
+        self.size = np.repeat([POSITION_STEP, RATE_STEP], pattern.shape[1] // 2)
+        self.time, self.age, self.kept = math.nan, 0, pattern
+
+    def __call__(self, t: float, y: np.ndarray) -> csc_matrix:
+        self.age += 1
+        if t == self.time or self.age > JACOBIAN_STEPS or self.kept is self.pattern:
+            self.age, self.kept = 0, self._differences(t, y)
+        self.time = t
+        return self.kept
+
+    def _differences(self, t: float, y: np.ndarray) -> csc_matrix:
+        values = np.empty(len(self.rows))
+        for group in range(self.group.max() + 1):
+            move = np.where(self.group == group, self.size, 0.0)
+            change = self.slope(t, y + move) - self.slope(t, y - move)
+            here = self.group[self.columns] == group
+            values[here] = change[self.rows[here]] / (2.0 * self.size[self.columns[here]])
+        return csc_matrix((values, (self.rows, self.columns)), shape=self.pattern.shape)
 
 
 def _is_stiff(slope: Slope, t: float, y: np.ndarray, n: int) -> bool:

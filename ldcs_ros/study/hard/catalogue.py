@@ -11,36 +11,36 @@ from ldcs_ros.study.hard.loads import LOAD_CASES
 from ldcs_ros.study.hard.scenes import ARC, ARMS, FALLING, HANGING, RIG, Content, changed
 from ldcs_ros.study.hard.shapes import SHAPE_CASES
 from ldcs_ros.study.hard.stiffness import STIFFNESS_CASES
-from ldcs_ros.study.hard.surfaces import DRAWN_CASES, SURFACE_CASES, VIOLENT_CASES
+from ldcs_ros.study.hard.surfaces import DRAWN_CASES, SHIPPED_CASES, SURFACE_CASES, VIOLENT_CASES
 
 LITTLE = (
     "a sheet that sinks in by a tenth of a millimetre moves micro-joules: a fraction of them is no measure"
 )
 # At rest no node moves. Any: keyword arguments of several types.
 AT_REST: dict[str, Any] = {"check": repetition, "sample_from": 10.0}
-CHATTER = [{"time": k * 0.05, "pressure": 60e3 * (k % 2)} for k in range(40)]
+CHATTER = [{"time": k * 0.05, "pressure": 60e3 * (k % 2)} for k in range(8)]
 LYING = changed(FALLING, {"effects.floor.height": -0.005})
 
 CONTACT_CASES = (
-    HardCase("plates under chattering pressure", changed(RIG, {"inputs": CHATTER}), 2.0, fast=True),
+    HardCase("plates under chattering pressure", changed(RIG, {"inputs": CHATTER}), 0.4),
     HardCase(
         "stiff plates under chattering pressure",
         changed(RIG, {"inputs": CHATTER, "effects.support.stiffness": 1e6, "effects.support.onset": 1e-6}),
-        duration=2.0,
+        duration=0.4,
     ),
-    HardCase("dropped on the floor from 0.2 m", FALLING, 1.0, fast=True),
+    HardCase("dropped on the floor from 0.2 m", FALLING, 0.4),
     HardCase(
         "dropped on a hard floor without damping",
         changed(FALLING, {"effects.floor.stiffness": 1e6, "effects.floor.damping": 0.0, "effects.floor.onset": 1e-6}),
-        duration=0.5,
+        duration=0.3,
     ),
     HardCase(
         "dropped crumpled",
         FALLING,
-        duration=0.6,
+        duration=0.4,
         start="crumpled",
     ),
-    HardCase("lying on the floor for 60 s", LYING, 60.0, LITTLE, **AT_REST, fast=True),
+    HardCase("lying on the floor for 60 s", LYING, 60.0, LITTLE, **AT_REST),
     HardCase(
         "lying on a hard floor for 60 s",
         changed(LYING, {"effects.floor.stiffness": 1e6, "effects.floor.onset": 1e-6}),
@@ -53,24 +53,17 @@ CONTACT_CASES = (
     ),
 )  # fmt: skip
 
-PERIOD = 20.0  # s
-
 
 def _forced(name: str, scene: Content, method: str, dt: float) -> HardCase:
-    # A microsecond over a millisecond, a tenth of a second over three seconds.
-    duration = min(3.0, 1000 * dt)
+    # A microsecond over a millisecond, a tenth of a second over half a second.
+    duration = min(0.5, 1000 * dt)
     values = {"solver": {"integrator": method, "dt": dt}}
     return HardCase(
         f"{name}: {method}, dt = {dt:g} s",
         changed(scene, values),
         duration,
         reach=0.3,
-        fast=dt == 0.1,
     )
-
-
-def _cycles(count: int) -> list[Content]:
-    return [{"time": 0.5 * PERIOD * k, "torque": 0.1392 * (1 - k % 2)} for k in range(2 * count)]
 
 
 STEP_CASES = (
@@ -78,7 +71,7 @@ STEP_CASES = (
         _forced(name, scene, method, dt)
         for name, scene in (("arc", ARC), ("arms", ARMS))
         for method in ("esdirk43", "trbdf2")
-        for dt in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+        for dt in (1e-6, 1e-3, 1e-1)
     ),
     *(
         HardCase(
@@ -86,22 +79,8 @@ STEP_CASES = (
             changed(ARC, {"solver": {"integrator": method, "dt": 1e-3}}),
             duration=0.1,
             refusal=rf"dt = 0.001 s is above the stability limit \S+ s of {method}",
-            fast=True,
         )
         for method in ("semi_implicit_euler", "rk4")
-    ),
-    HardCase(
-        "one hour of slow cycles",
-        changed(ARMS, {"inputs": _cycles(180)}),
-        duration=180 * PERIOD,
-        check=repetition,
-        sample_from=3 * PERIOD,
-        period=PERIOD,
-        memory=4e6,
-        slow=True,
-        timeout=600.0,
-        reason="work and dissipation of an hour exceed the energy stored a thousandfold; the residual is a sum of "
-        "their errors, the cycles themselves are compared instead",
     ),
 )
 
@@ -112,22 +91,18 @@ THIN = (
 
 LATTICE_CASES = (
     *(
-        HardCase(f"lattice {nodes}", changed(HANGING, {"lattice.nodes": nodes}), 1.0, fast=nodes == [2, 2])
-        for nodes in ([2, 2], [2, 33], [33, 2], [65, 9])
+        HardCase(f"lattice {nodes}", changed(HANGING, {"lattice.nodes": nodes}), 0.5)
+        for nodes in ([2, 2], [2, 17], [17, 2])
     ),
     *(
-        HardCase(f"lattice {nodes} with arms", changed(ARMS, {"lattice.nodes": nodes, "effects.arms.width": 0}), 0.5,
-            fast=nodes == [2, 2])
-        for nodes in ([2, 2], [2, 33], [33, 2], [65, 9])
+        HardCase(f"lattice {nodes} with arms", changed(ARMS, {"lattice.nodes": nodes, "effects.arms.width": 0}), 0.3)
+        for nodes in ([2, 2], [2, 17], [17, 2])
     ),
-    HardCase("aspect ratio 1:50", changed(HANGING, {"lattice.size": [0.02, 1.0, 0.01]}), 1.0),
-    HardCase("aspect ratio 50:1", changed(HANGING, {"lattice.size": [1.0, 0.02, 0.01]}), 1.0),
-    HardCase("aspect ratio 1:50, lattice [3, 51]", changed(HANGING, {"lattice.size": [0.02, 1.0, 0.01],
-        "lattice.nodes": [3, 51]}), 0.5),
-    HardCase("thickness 1e-4 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 1e-4]}), 1.0, THIN),
-    HardCase("thickness 1e-4 m with arms", changed(ARMS, {"lattice.size": [0.14, 0.14, 1e-4]}), 1.0),
-    HardCase("thickness 0.1 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 0.1]}), 1.0),
-    HardCase("thickness 0.1 m with arms", changed(ARMS, {"lattice.size": [0.14, 0.14, 0.1]}), 1.0),
+    HardCase("aspect ratio 1:50", changed(HANGING, {"lattice.size": [0.02, 1.0, 0.01]}), 0.5),
+    HardCase("aspect ratio 50:1", changed(HANGING, {"lattice.size": [1.0, 0.02, 0.01]}), 0.5),
+    HardCase("thickness 1e-4 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 1e-4]}), 0.5, THIN),
+    HardCase("thickness 1e-4 m with arms", changed(ARMS, {"lattice.size": [0.14, 0.14, 1e-4]}), 0.3),
+    HardCase("thickness 0.1 m", changed(HANGING, {"lattice.size": [0.14, 0.14, 0.1]}), 0.5),
 )  # fmt: skip
 
 CHAPTERS: dict[str, tuple[HardCase, ...]] = {
@@ -142,5 +117,6 @@ CHAPTERS: dict[str, tuple[HardCase, ...]] = {
     "Other surfaces": SURFACE_CASES,
     "Violent events": VIOLENT_CASES,
     "Random scenes": DRAWN_CASES,
+    "Shipped scenes": SHIPPED_CASES,
 }
 CASES: dict[str, HardCase] = {case.name: case for cases in CHAPTERS.values() for case in cases}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ldcs_ros.study.hard.case import HardCase, finer_run, independent, repetition
+from ldcs_ros.study.hard.case import HardCase, repetition
 from ldcs_ros.study.hard.scenes import Content
 
 POINTS: Content = {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]}
@@ -53,16 +53,10 @@ UNDAMPED = tuple(
         f"{how} for {duration:g} s, {law}, {nodes[0]} x {nodes[1]} nodes",
         sheet(nodes, springs(SOFT, damping, law), gravity(-0.5), CLAMP, accuracy=ROUGH),
         duration,
-        check=independent,
-        fast=damping > 0.0 and duration == 10.0 and law == "axial",
-        slow=duration > 20.0,
-        timeout=400.0,
     )
     for how, damping in (("no damping", 0.0), ("damping 1e-4 N s/m", 1e-4))
     for nodes, law, duration in (
         ([2, 2], "axiswise", 60.0),
-        ([3, 2], "axiswise", 10.0),
-        ([2, 2], "axial", 10.0),
         ([2, 2], "axial", 60.0),
     )
 )
@@ -72,16 +66,12 @@ STIFF = (
         "k = 1e9 N/m, damped",
         sheet([4, 3], springs(1e9, 1e4), gravity(), CLAMP),
         0.3,
-        check=independent,
     ),
-    HardCase(
-        "k = 1e9 N/m, undamped", sheet([3, 3], springs(1e9, 0.0), gravity(), CLAMP), 0.05, check=finer_run
-    ),
+    HardCase("k = 1e9 N/m, undamped", sheet([3, 2], springs(1e9, 0.0), gravity(), CLAMP), 0.01),
     HardCase(
         "k = 1e9 N/m with arms",
         sheet([4, 3], springs(1e9, 1e5), CLAMP, arms(), inputs=TORQUE),
         0.4,
-        check=independent,
     ),
     HardCase(
         "couplings of 1e9 N/m",
@@ -93,7 +83,6 @@ STIFF = (
             inputs=TORQUE,
         ),
         0.4,
-        check=independent,
     ),
     HardCase(
         "k = 1e-3 N/m in a fluid",
@@ -106,7 +95,6 @@ STIFF = (
             accuracy=ROUGH,
         ),
         1.0,
-        check=independent,
     ),
 )
 
@@ -122,7 +110,6 @@ MASSLESS = tuple(
             inputs=PRESSURE if own.get("drive") == "pressure" else TORQUE,
         ),
         0.4,
-        check=independent,
     )
     for words, own in (
         ("torque", {}),
@@ -140,7 +127,6 @@ COILED = (
                 [5, 3], springs(300.0, 1.0), {"type": "driven_edges", "curvature": kappa, "rise_time": 0.5}
             ),
             0.8,
-            check=independent,
         )
         for kappa in (1000.0, -1000.0, 100.0)
     ),
@@ -148,7 +134,6 @@ COILED = (
         "arms wound to 1000 1/m",
         sheet([4, 3], springs(300.0, 1.0), CLAMP, arms(drive="curvature", curvature=1000.0, rise_time=0.5)),
         0.6,
-        check=independent,
     ),
 )
 
@@ -170,20 +155,19 @@ LINKS = tuple(
             inputs={"pressure": PRESSURE, "torque": TORQUE}.get(drive),
         ),
         0.3,
-        check=independent,
     )
     for drive in ("torque", "pressure", "curvature")
 )
 
-PERIOD = 0.25  # s
+PERIOD = 0.1  # s
 CYCLES = HardCase(
     "10000 load cycles",
     sheet(
-        [4, 3],
+        [2, 2],
         springs(300.0, 3.0),
         gravity(),
         CLAMP,
-        arms(),
+        arms(links=1),
         inputs=[{"time": 0.5 * PERIOD * k, "torque": 0.03 * (1 - k % 2)} for k in range(20_000)],
     ),
     10_000 * PERIOD,
@@ -191,8 +175,6 @@ CYCLES = HardCase(
     sample_from=40 * PERIOD,
     period=10 * PERIOD,
     memory=4e6,
-    slow=True,
-    timeout=1200.0,
     reason="every tenth of the cycles is compared with their mean",
 )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ldcs_ros.study.hard.case import HardCase, independent
+from ldcs_ros.study.hard.case import HardCase
 from ldcs_ros.study.hard.extremes import CLAMP, gravity, sheet, springs
 from ldcs_ros.study.hard.scenes import Content
 
@@ -28,7 +28,6 @@ def _column(tilt: float) -> HardCase:
         sheet([7, 2], springs(300.0, 1.0), weight, CLAMP, size=STRIP),
         3.0,
         GROWS,
-        check=independent,
     )
 
 
@@ -47,7 +46,6 @@ def _snap(name: str, load: float, profile: tuple[tuple[float, float], ...]) -> H
         ),
         3.0,
         GROWS,
-        check=independent,
     )
 
 
@@ -67,14 +65,12 @@ INSTABILITY_CASES = (
         ),
         1.5,
         "a strip on its edge leaves its plane under a load within it",
-        check=independent,
     ),
     HardCase(
         "self-weight collapse of a standing sheet",
         sheet([5, 4], springs(60.0, 0.5), gravity(1e-3, -9.81), CLAMP, size=(0.3, 0.1, 0.008)),
         1.0,
         GROWS,
-        check=independent,
     ),
     HardCase(
         "self-weight collapse onto a floor",
@@ -88,13 +84,11 @@ INSTABILITY_CASES = (
         ),
         1.0,
         "folds fall onto a floor",
-        check=independent,
     ),
     HardCase(
         "inverted start of a strip that must turn over",
         sheet([5, 2], springs(300.0, 1.0), gravity(9.81, 0.01), CLAMP, size=STRIP),
         1.5,
-        check=independent,
         spin=(0.0, 3.0, 0.0),
     ),
 )

@@ -7,7 +7,7 @@ import math
 from ldcs_ros.study.hard.case import HardCase, nothing
 from ldcs_ros.study.hard.scenes import ARMS, FREE, HANGING, RIG, Content, changed
 
-NODE_MASS = 0.160 / 162
+NODE_MASS = 0.001  # kg
 
 
 def _payload(ratio: float) -> HardCase:
@@ -15,7 +15,7 @@ def _payload(ratio: float) -> HardCase:
     if ratio > 1e3:
         # 10 kg on a sheet of 160 g: it must hold, so it is as stiff as steel mesh.
         scene = changed(scene, {"effects.springs.stiffness": 8e4, "effects.springs.damping": 500.0})
-    return HardCase(f"payload {ratio:g} times a node", scene, 2.0, fast=ratio == 1e4)
+    return HardCase(f"payload {ratio:g} times a node", scene, 0.5)
 
 
 def _wrench(
@@ -38,7 +38,7 @@ def _chirp(top: float, duration: float, rate: float = 500.0) -> list[Content]:
 
 TORN = "the corner is torn out by half a metre at 7 m/s"
 ZERO = [0.0, 0.0, 0.0]
-TORQUES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0]}
+TORQUE = [1.0, 0.0, 0.0]
 JERKS = (
     "each jump of a command starts a transient of microseconds with correct positions and unresolved rates: the "
     "dissipation there is known to this fraction"
@@ -48,48 +48,27 @@ WOUND_UP = (
     "checked, trajectories only before that"
 )
 LOAD_CASES = (
-    *(_payload(ratio) for ratio in (0.0, 1.0, 1e2, 1e4)),
+    *(_payload(ratio) for ratio in (1.0, 1e4)),
     HardCase(
         "10 kg on the soft sheet",
         changed(HANGING, add=({"type": "payload", "at": "P1", "mass": 1e4 * NODE_MASS},)),
-        duration=2.0,
-    ),
-    *(
-        HardCase(
-            f"links of {mass:g} kg",
-            changed(ARMS, {"effects.arms.link_mass": mass, "effects.arms.link_inertia": mass * 0.035**2 / 12}),
-            duration=1.0,
-            fast=mass == 1e-6,
-        )
-        for mass in (1e-3, 1e-6)
-    ),
-    HardCase(
-        "links of 1e-6 kg without inertia and damping",
-        changed(ARMS, {
-            "effects.arms.link_mass": 1e-6,
-            "effects.arms.link_inertia": 0.0,
-            "effects.arms.joint_damping": 0.0,
-        }),
-        duration=1.0,
+        duration=0.5,
     ),
     HardCase("a step of full pressure", changed(RIG, {"inputs": [{"time": 0.0, "pressure": 200e3}],
-        "effects.arms.fill_time": 0.0}), duration=2.0, fast=True),
-    HardCase("full torque reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 2.0)}), 2.0),
+        "effects.arms.fill_time": 0.0}), duration=0.3),
+    HardCase("full torque reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 0.2)}), 0.2),
     HardCase("the torque limit for 50 ms", changed(ARMS, {"inputs": _reversals(10.0, 0.05, 2.0)}), 0.05),
-    HardCase("the torque limit, reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 1.0, 2.0)}), 1.0,
+    HardCase("the torque limit, reversed at 10 Hz", changed(ARMS, {"inputs": _reversals(10.0, 0.3, 2.0)}), 0.3,
         WOUND_UP, nothing, reach=0.5),
-    HardCase("torque chirp to 50 Hz, commanded at 500 Hz", changed(ARMS, {"inputs": _chirp(50.0, 1.0)}), 1.0),
-    HardCase("20 N for 1 ms on one node", _wrench("node_top_8_8_aligned", [(0.1, [0.0, 0.0, 20.0], ZERO), (0.101,
-        ZERO, ZERO)]), 1.0, fast=True),
-    HardCase("20 N for 1 ms on one node in free flight", _wrench("node_top_4_4_aligned", [(0.0, [0.0, 0.0, 20.0],
-        ZERO), (0.001, ZERO, ZERO)], FREE), 1.0, JERKS),
-    HardCase("100 N pulled sideways on one node", _wrench("node_top_8_8_aligned", [(0.0, [0.0, 100.0, 0.0], ZERO)]),
-        1.0, TORN),
-    *(HardCase(f"a wrench of 1 N m about {axis} for 10 ms", _wrench("P1", [(0.0, ZERO, torque)]), 0.01,
-        fast=axis == "x") for axis, torque in TORQUES.items()),
-    *(HardCase(f"a wrench of 1 N m about {axis}", _wrench("P1", [(0.0, ZERO, torque)]), 0.3,
-        WOUND_UP, nothing, reach=0.5)
-        for axis, torque in TORQUES.items()),
+    HardCase("torque chirp to 50 Hz, commanded at 500 Hz", changed(ARMS, {"inputs": _chirp(50.0, 0.1)}), 0.1),
+    HardCase("20 N for 1 ms on one node", _wrench("node_top_4_3_aligned", [(0.1, [0.0, 0.0, 20.0], ZERO), (0.101,
+        ZERO, ZERO)]), 0.5),
+    HardCase("20 N for 1 ms on one node in free flight", _wrench("node_top_2_1_aligned", [(0.0, [0.0, 0.0, 20.0],
+        ZERO), (0.001, ZERO, ZERO)], FREE), 0.5, JERKS),
+    HardCase("100 N pulled sideways on one node", _wrench("node_top_4_3_aligned", [(0.0, [0.0, 100.0, 0.0], ZERO)]),
+        0.5, TORN),
+    HardCase("a wrench of 1 N m about x for 10 ms", _wrench("P1", [(0.0, ZERO, TORQUE)]), 0.01),
+    HardCase("a wrench of 1 N m about x", _wrench("P1", [(0.0, ZERO, TORQUE)]), 0.2, WOUND_UP, nothing, reach=0.5),
     HardCase("a wrench of 1 N m about z in free flight", _wrench("P0", [(0.0, ZERO, [0.0, 0.0, 1.0])], FREE), 0.5,
         "it spins up to 36 m/s"),
 )  # fmt: skip

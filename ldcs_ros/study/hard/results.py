@@ -11,29 +11,27 @@ from ldcs_ros.study.hard.catalogue import CASES
 from ldcs_ros.study.hard.runner import CaseResult
 
 FILE = "hard_cases.csv"
-COLUMNS = tuple(field.name for field in fields(CaseResult))
+_FIELDS = fields(CaseResult)[1:]
+COLUMNS = ("case", "scene", *(field.name for field in _FIELDS))
+_READERS = {"str": str, "float": float, "int": int}
 
 
 def read_results(folder: Path) -> list[CaseResult]:
-    """Return the results that a folder holds, those of cases that the catalogue still has."""
+    """Return the results that a folder holds, those of cases that the catalogue still has, unchanged."""
     path = folder / FILE
     if not path.exists():
         return []
     with path.open(newline="", encoding="utf-8") as stream:
-        rows = [row for row in csv.DictReader(stream) if row["case"] in CASES and None not in row.values()]
+        rows = [
+            row for row in csv.DictReader(stream) if set(row) == set(COLUMNS) and None not in row.values()
+        ]
     return [
         CaseResult(
             CASES[row["case"]],
-            row["outcome"],
-            float(row["error"]),
-            row["reference"],
-            float(row["audit"]),
-            int(row["steps"]),
-            int(row["rejected_steps"]),
-            float(row["pace"]),
-            row["note"],
+            **{field.name: _READERS[str(field.type)](row[field.name]) for field in _FIELDS},
         )
         for row in rows
+        if row["case"] in CASES and CASES[row["case"]].key == row["scene"]
     ]
 
 
@@ -45,8 +43,7 @@ def write_results(results: Sequence[CaseResult], folder: Path) -> None:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(COLUMNS)
         for result in results:
-            values = [getattr(result, name) for name in COLUMNS]
-            writer.writerow(
-                [result.case.name, *(f"{v:.6g}" if isinstance(v, float) else v for v in values[1:])]
-            )
+            values = [getattr(result, field.name) for field in _FIELDS]
+            shown = (f"{value:.6g}" if isinstance(value, float) else value for value in values)
+            writer.writerow([result.case.name, result.case.key, *shown])
     beside.replace(folder / FILE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 
 from ldcs_ros.errors import DivergenceError, LdcsError
 from ldcs_ros.simulation.simulation import Simulation
-from ldcs_ros.study.hard.case import FACTORS, CaseRun, HardCase, run_samples
+from ldcs_ros.study.hard.case import FACTORS, RUN_SECONDS, CaseRun, HardCase, run_samples
 
 
 @dataclass(frozen=True)
@@ -25,22 +26,26 @@ class CaseResult:
         outcome: 'within 1', 'within 3' or 'missed' by the error in units of the asked accuracy; 'bounded' where
             nothing is asked or compared; 'stopped' with the expected reason.
         error: Largest distance of a node from the reference [m]; NaN without a comparison.
+        estimate: Error that the run itself states [m]; NaN with a fixed step.
         reference: What the run was compared with.
         audit: Relative residual of the energy audit; NaN without one.
         steps: Accepted steps.
         rejected_steps: Steps taken again.
         pace: Simulated seconds per second of computing.
+        cpu: Processor time of run, audit and reference [s].
         note: Reason of a missed or stopped row, and an energy audit above its usual size.
     """
 
     case: HardCase
     outcome: str
     error: float = math.nan
+    estimate: float = math.nan
     reference: str = "-"
     audit: float = math.nan
     steps: int = 0
     rejected_steps: int = 0
     pace: float = math.nan
+    cpu: float = math.nan
     note: str = ""
 
 
@@ -71,6 +76,12 @@ def _results(cases: Sequence[HardCase], jobs: int) -> Iterator[CaseResult]:
 
 def run_case(case: HardCase) -> CaseResult:
     """Run one case and judge it; a failure of the case raises nothing."""
+    started = wall_clock.process_time()
+    result = _run_and_judge(case)
+    return replace(result, cpu=wall_clock.process_time() - started)
+
+
+def _run_and_judge(case: HardCase) -> CaseResult:
     try:
         simulation = case.start_simulation()
     except LdcsError as error:
@@ -82,7 +93,7 @@ def run_case(case: HardCase) -> CaseResult:
     if case.refusal:
         return CaseResult(case, "missed", note=f"was built; expected a refusal with {case.refusal!r}")
     try:
-        result = _judge(case, run_samples(simulation, case.sample_times, case.timeout, audited=True))
+        result = _judge(case, run_samples(simulation, case.sample_times, RUN_SECONDS, audited=True))
     except DivergenceError as error:
         result = CaseResult(case, "stopped", note=str(error))
     except TimeoutError as error:
@@ -112,7 +123,9 @@ def _judge(case: HardCase, run: CaseRun) -> CaseResult:
         notes.append(f"memory grew by {run.memory_growth} bytes")
     if not audit <= case.audit_limit:
         notes.append(f"energy audit above {case.audit_limit:.2g}")
-    return CaseResult(case, outcome, found.error, found.reference, audit, note="; ".join(notes))
+    return CaseResult(
+        case, outcome, found.error, reference=found.reference, audit=audit, note="; ".join(notes)
+    )
 
 
 def _missing(run: CaseRun) -> np.ndarray:
@@ -124,4 +137,7 @@ def _missing(run: CaseRun) -> np.ndarray:
 def _measured(result: CaseResult, simulation: Simulation) -> CaseResult:
     spent = simulation.statistics
     pace = simulation.time / spent.wall_time if spent.wall_time > 0.0 else math.nan
-    return replace(result, steps=spent.steps, rejected_steps=spent.rejected_steps, pace=pace)
+    estimate = math.nan if result.case.accuracy is None else spent.error_estimate
+    return replace(
+        result, estimate=estimate, steps=spent.steps, rejected_steps=spent.rejected_steps, pace=pace
+    )

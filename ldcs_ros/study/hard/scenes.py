@@ -13,7 +13,7 @@ from ldcs_ros.schema.paths import with_values
 
 Content = dict[str, Any]
 
-SHEET: Content = {"size": [0.140, 0.140, 0.010], "nodes": [9, 9], "mass": 0.160}
+SHEET: Content = {"size": [0.140, 0.140, 0.010], "nodes": [5, 4], "mass": 0.160}
 POINTS: Content = {"P0": ["mid", "centre"], "P1": ["mid", "free_edge"]}
 
 HANGING: Content = {

@@ -9,13 +9,13 @@ COARSE = (
     "the elastic motion is a few times the asked accuracy: as a fraction of this small energy the residual is larger, "
     "and falls with the accuracy"
 )
-SCALES = (1e-3, 1.0, 1e3)
+SCALES = (1e-3, 1e3)
 STIFFNESS, DAMPING = 80.0, 5.0
 DRIFT = (
     "a sheet without damping swings chaotically and has no reference: it must stay in reach and keep its energy; "
     "the audit is the drift. With a fixed step it is the method's own, and first-order methods may lose all of it"
 )
-LITTLE_MOTION = (("arms", 1e3, 1.0), ("arc", 1.0, 1e3), ("arc", 1e3, 1e3), ("arc", 1e-3, 1e3))
+LITTLE_MOTION = (("arc", 1e3, 1e3), ("arc", 1e-3, 1e3))
 
 
 def _scaled() -> list[HardCase]:
@@ -31,9 +31,8 @@ def _scaled() -> list[HardCase]:
                     HardCase(
                         f"{name}: stiffness x {k:g}, damping x {c:g}",
                         changed(scene, values),
-                        duration=0.3 if (k, c) == (1e3, 1e-3) else 1.0,
+                        duration=0.05 if (k, c) == (1e3, 1e-3) else 0.5,
                         reason=COARSE if (name, k, c) in LITTLE_MOTION else "",
-                        fast=(k, c) in ((1.0, 1e3), (1e3, 1.0), (1e-3, 1e-3)),
                     )
                 )
     return cases
@@ -41,66 +40,29 @@ def _scaled() -> list[HardCase]:
 
 def _couplings() -> list[HardCase]:
     cases = []
-    for ratio in (1e2, 1e4, 1e6):
+    for words, damping in (("", 1e6 * DAMPING), (", undamped", 0.0)):
         values = {
-            "effects.arms.coupling_stiffness": ratio * STIFFNESS,
-            "effects.arms.coupling_damping": ratio * DAMPING,
+            "effects.arms.coupling_stiffness": 1e6 * STIFFNESS,
+            "effects.arms.coupling_damping": damping,
+            "lattice.nodes": [3, 3],
         }
-        cases.append(
-            HardCase(
-                f"coupling {ratio:g} times as stiff as the sheet",
-                changed(ARMS, values),
-                duration=1.5,
-                fast=ratio == 1e6,
-            )
-        )
-        values = {**values, "effects.arms.coupling_damping": 0.0}
-        cases.append(
-            HardCase(
-                f"coupling {ratio:g} times as stiff as the sheet, undamped",
-                changed(ARMS, values),
-                duration=1.0,
-            )
-        )
+        name = f"coupling 1e+06 times as stiff as the sheet{words}"
+        cases.append(HardCase(name, changed(ARMS, values), 0.3))
     return cases
 
 
 def _undamped() -> list[HardCase]:
     cases = []
-    for nodes, method, solver in (
-        (5, "esdirk43", {"accuracy": 1e-4}),
-        (3, "esdirk43", {"dt": 2e-3}),
-        (3, "trbdf2", {"dt": 2e-3}),
-        (3, "rosenbrock_w", {"dt": 2e-3}),
-        (3, "rk4", {"dt": 2e-3}),
-        (3, "semi_implicit_euler", {"dt": 2e-3}),
-        (3, "linearly_implicit_euler", {"dt": 2e-3}),
-    ):
+    for method in ("esdirk43", "rk4", "semi_implicit_euler"):
         values = {
             "effects.springs.damping": 0.0,
-            "lattice.nodes": [nodes, nodes],
-            "solver": {"integrator": method, **solver},
+            "lattice.nodes": [3, 3],
+            "solver": {"integrator": method, "dt": 2e-3},
         }
-        cases.append(
-            HardCase(
-                f"no damping for 60 s, [{nodes}, {nodes}], {method}",
-                changed(HANGING, values),
-                duration=60.0,
-                check=nothing,
-                reach=0.3,
-                reason=DRIFT,
-                slow=nodes == 5,
-                timeout=400.0,
-            )
-        )
+        name = f"no damping for 10 s, dt = 0.002 s, {method}"
+        cases.append(HardCase(name, changed(HANGING, values), 10.0, DRIFT, check=nothing, reach=0.3))
     values = {"effects.springs.damping": 0.0, "effects.gravity.acceleration": [0.0, 0.0, -0.5]}
-    cases.append(
-        HardCase(
-            "no damping, small swing for 2 s",
-            changed(HANGING, values),
-            duration=2.0,
-        )
-    )
+    cases.append(HardCase("no damping, small swing for 1 s", changed(HANGING, values), 1.0))
     return cases
 
 
@@ -112,7 +74,6 @@ STIFFNESS_CASES = (
         "so much damping that it creeps",
         changed(ARMS, {"effects.springs.damping": 1e6, "effects.arms.coupling_damping": 1e6}),
         duration=60.0,
-        fast=True,
     ),
     HardCase(
         "damping a million times, stiffness a millionth",
@@ -130,9 +91,8 @@ STIFFNESS_CASES = (
                     "effects.springs.damping": 5e-3,
                 },
             ),
-            duration=0.2,
+            duration=0.05,
             reason=COARSE if law == "axiswise" else "",
-            slow=law == "corotational",
         )
         for law in ("axiswise", "corotational")
     ),

@@ -1,39 +1,36 @@
-"""Hard cases of other surfaces: three arms and more, holes, regions, a material; drawn scenes and violent events."""
+"""Hard cases of other surfaces: many arms, holes, regions, a material; shipped and drawn scenes, violent events."""
 
 from __future__ import annotations
 
-from ldcs_ros.scene.load import load_scene
-from ldcs_ros.schema.paths import with_values
 from ldcs_ros.study.accuracy.random_scenes import Case, random_case
+from ldcs_ros.study.accuracy.shipped_cases import shipped_cases
 from ldcs_ros.study.accuracy.violent_cases import violent_cases
-from ldcs_ros.study.hard.case import HardCase, finer_run, independent
+from ldcs_ros.study.hard.case import HardCase
 from ldcs_ros.study.hard.extremes import CLAMP, arms, gravity, sheet, springs
 from ldcs_ros.study.hard.scenes import Content
 
 PUSHED = [{"time": 0.0, "pressure": 80e3}, {"time": 0.25, "pressure": 0.0}]
 DRAWN = range(8)
+# Processor time of a shipped scene's reference [s].
+SHIPPED_SECONDS = 150.0
 
 
-def _shipped(name: str, nodes: list[int], duration: float, changes: Content | None = None) -> HardCase:
-    scene = with_values(load_scene(name).content, {"lattice.nodes": nodes, **(changes or {})})
+def _shipped(case: Case) -> HardCase:
     return HardCase(
-        f"{name} on {nodes[0]} x {nodes[1]} nodes",
-        {key: scene[key] for key in scene if key not in ("sensors", "title")},
-        duration,
-        check=independent,
+        case.name.replace("_", " ", 1), case.content, case.duration, reference_seconds=SHIPPED_SECONDS
     )
 
 
 def _holed(name: str, holes: list[Content], *effects: Content) -> HardCase:
     scene = sheet([7, 7], springs(300.0, 1.0), gravity(), *effects)
     scene["lattice"]["holes"], scene["points"] = holes, {"P1": ["mid", "free_edge"]}
-    return HardCase(name, scene, 0.5, check=independent)
+    return HardCase(name, scene, 0.3)
 
 
 def _region(name: str, region: Content, *effects: Content, inputs: list[Content] | None = None) -> HardCase:
     scene = sheet([5, 4], springs(300.0, 1.0), gravity(), *effects, inputs=inputs)
     scene["lattice"]["regions"] = [region]
-    return HardCase(name, scene, 0.5, check=independent)
+    return HardCase(name, scene, 0.3)
 
 
 def _case(case: Case, *, name: str) -> HardCase:
@@ -41,21 +38,13 @@ def _case(case: Case, *, name: str) -> HardCase:
         name,
         case.content,
         case.duration,
-        check=independent,
         spin=case.spin,
         drift=case.drift,
-        slow=case.duration > 20.0,
     )
 
 
 HALF = {"box": [0.07, -0.07, 0.14, 0.07]}
 SURFACE_CASES = (
-    _shipped("three_arms", [7, 5], 0.6),
-    _shipped("three_arms", [5, 3], 0.6, {"inputs": [{"time": 0.0, "pressure": [150e3, 0.0, 10e3]}]}),
-    _shipped("mould", [7, 7], 0.3),
-    _shipped("gripper_strip", [13, 3], 0.3),
-    _shipped("perforated", [9, 9], 0.3),
-    _shipped("arc_material", [5, 5], 1.0),
     HardCase(
         "sixteen arms side by side",
         sheet(
@@ -73,7 +62,6 @@ SURFACE_CASES = (
             inputs=PUSHED,
         ),
         0.4,
-        check=independent,
     ),
     HardCase(
         "a slanted arm that nothing else holds",
@@ -85,7 +73,6 @@ SURFACE_CASES = (
             inputs=PUSHED,
         ),
         0.4,
-        check=independent,
     ),
     _holed("a hole in the middle", [{"circle": [0.07, 0.0, 0.03]}], CLAMP),
     _holed("a bridge of one cell between two holes",
@@ -106,20 +93,9 @@ SURFACE_CASES = (
             "effects": [{"type": "springs"}, gravity(), CLAMP],
         },
         0.5,
-        check=independent,
-    ),
-    HardCase(
-        "arms on 33 x 17 nodes of a material",
-        {
-            "lattice": {"size": [0.14, 0.07, 0.01], "nodes": [33, 17]},
-            "material": {"youngs_modulus": 75e3, "poisson": 0.3333, "density": 816.0},
-            "effects": [{"type": "springs"}, gravity(), CLAMP, arms(width=2)],
-            "inputs": [{"time": 0.0, "torque": 0.03}],
-        },
-        0.3,
-        check=finer_run,
     ),
 )  # fmt: skip
 
+SHIPPED_CASES = tuple(_shipped(case) for case in shipped_cases())
 DRAWN_CASES = tuple(_case(random_case(seed), name=f"random scene {seed}") for seed in DRAWN)
 VIOLENT_CASES = tuple(_case(case, name=case.name.replace("_", " ")) for case in violent_cases())
