@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
-from ldcs_ros.bags import read_bag
+from ldcs_ros.bags import Recording, read_bag
+from ldcs_ros.bags.recording import Message
+from ldcs_ros.messages.cdr import encode, header, message_class
 from ldcs_ros.signals.commanded import commanded_pressures
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "replay"))
@@ -52,3 +54,36 @@ def test_a_scene_without_pressure_drive_has_none(tmp_path):
     )
     assert commanded_pressures(recording, load_scene("paper"), 2.0) == {}
     assert commanded_pressures(recording, None, 2.0) == {}
+
+
+def test_a_command_of_one_arm_keeps_the_other_and_one_of_an_unknown_arm_makes_no_step():
+    kind = "ldcs_msgs/msg/ArmCommand"
+    sent = [
+        (1, ["left"], [60e3]),
+        (2, ["right"], [40e3]),
+        (3, ["middle"], [9e3]),
+        (4, [], []),
+        (5, ["left"], [math.nan]),
+    ]
+    messages = [
+        Message(
+            "/ldcs/arm_command",
+            kind,
+            encode(
+                message_class(kind)(
+                    header=header(time * SECOND, ""),
+                    sequence=time,
+                    arms=arms,
+                    pressures=np.array(values),
+                    torques=np.zeros(0),
+                )
+            ),
+            time * SECOND,
+        )
+        for time, arms, values in sent
+    ]
+    tracks = commanded_pressures(Recording.from_messages(messages), load_scene("rig").edited(inputs=[]), 6.0)
+    left = [(0.0, 0.0), (1.0, 0.0), (1.0, 60.0), (2.0, 60.0), (2.0, 60.0), (6.0, 60.0)]
+    right = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 40.0), (6.0, 40.0)]
+    assert steps(tracks["left"]) == pytest.approx(np.array(left))
+    assert steps(tracks["right"]) == pytest.approx(np.array(right))

@@ -8,13 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ldcs_ros.bags import BagWriter, TopicInfo, read_bag
+from ldcs_ros.bags import BagWriter, Recording, TopicInfo, read_bag
 from ldcs_ros.errors import RecordingError
 from ldcs_ros.messages.cdr import encode
 from ldcs_ros.physics.inputs import Wrench
 from ldcs_ros.scene.load import load_scene
 from ldcs_ros.signals import mapping
-from ldcs_ros.signals.series import Series, at_times, clean, curve, reference_is_first, resample_common
+from ldcs_ros.signals.run import run_of
+from ldcs_ros.signals.series import (
+    Series,
+    at_times,
+    clean,
+    curve,
+    reference_is_first,
+    resample_common,
+    without_spikes,
+)
 from ldcs_ros.signals.signals import read_signals
 from ldcs_ros.signals.topics import find_topic, guess_mapping
 from ldcs_ros.signals.tracks import (
@@ -321,3 +330,52 @@ def test_a_topic_without_messages_is_not_found(tmp_path):
     recording = read_bag(tmp_path / "bag")
     assert find_topic(recording, "pressure", kind) == "/a/left/pressure"
     assert pressure_tracks(recording)["left"].value.tolist() == [3.0]
+
+
+def test_a_value_alone_far_from_its_neighbours_is_dropped_and_noise_and_fast_motion_stay():
+    noise = np.random.default_rng(3).normal(0.0, 1.0, 60)
+    time = np.arange(60) * 0.01
+    assert without_spikes(series(time, noise), 0.0).time.tolist() == time.tolist()
+    lone = noise.copy()
+    lone[20] += 40.0
+    assert without_spikes(series(time, lone), 0.0).value.ravel().tolist() == np.delete(noise, 20).tolist()
+    # A distance that the caller calls small stays, and so do two values: a fast motion has several.
+    assert len(without_spikes(series(time, lone), 50.0).time) == 60
+    pair = lone.copy()
+    pair[21] += 40.0
+    assert len(without_spikes(series(time, pair), 0.0).time) == 60
+    # Nothing is known on one side of the last two values of each end.
+    for k in (0, 1, 58, 59):
+        end = noise.copy()
+        end[k] += 40.0
+        assert len(without_spikes(series(time, end), 0.0).time) == 60
+
+
+@pytest.mark.parametrize("change", [{"data": np.zeros(127, np.uint8)}, {"row_step": 31}, {"point_step": 15}])
+def test_a_cloud_with_fewer_bytes_than_it_claims_is_refused(change):
+    short = cloud(0, np.ones((8, 3)))
+    for name, value in change.items():
+        setattr(short, name, value)
+    with pytest.raises(RecordingError, match="does not fit into its"):
+        cloud_positions(short)
+
+
+def test_only_transforms_of_the_trackers_own_topic_are_guessed_to_be_points(tmp_path):
+    elsewhere = rig_bag.transform(MS, "trakstar0", [0.0, 0.0, 0.0])
+    other_type = rig_bag.array([1.0])
+    recording = read_bag(
+        rig_bag.write(tmp_path / "bag", [("/tool", MS, elsewhere), ("/my_trakstar_msg", MS, other_type)])
+    )
+    assert guess_mapping(recording).measurements == ()
+
+
+def test_a_bag_with_invalid_run_settings_says_so():
+    settings = {"ambient_pressure": "much"}
+    with pytest.raises(RecordingError, match="has settings that are none"):
+        pressure_tracks(Recording.from_messages([], custom_data=settings))
+
+
+def test_a_run_without_clouds_has_no_node_positions(tmp_path):
+    pressures = [("/left/pressure", k * MS, rig_bag.fluid(k * MS, 1.5e5)) for k in range(1, 4)]
+    run = run_of(read_bag(rig_bag.write(tmp_path / "bag", pressures)), None)
+    assert run.node_time.shape == (0,) and run.nodes.shape == (0, 2, 0, 0, 3)

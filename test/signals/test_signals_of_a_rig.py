@@ -152,6 +152,10 @@ def test_fields_follow_their_dots_and_name_what_is_missing():
         position(rig_bag.array([1.0, 2.0, 3.0]), "", "std_msgs/msg/Float64MultiArray")
     values = rig_bag.array([5.0, 6.0])
     assert numbers(values, "", values.__msgtype__).tolist() == [5.0, 6.0]
+    # A type without a usual field needs the name of one.
+    assert numbers(values, "data", "some_rig/msg/Valves").tolist() == [5.0, 6.0]
+    with pytest.raises(MappingError, match="some_rig/msg/Valves has no usual field"):
+        numbers(values, "", "some_rig/msg/Valves")
 
 
 def test_a_new_report_counts_from_zero_and_each_bad_value_once(tmp_path):
