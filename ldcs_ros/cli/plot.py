@@ -81,7 +81,7 @@ def _draw_modes(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from ldcs_ros.plotting.annotations import annotations_of_scene
-    from ldcs_ros.plotting.modes import modes_figure
+    from ldcs_ros.plotting.rest_state import modes_figure
     from ldcs_ros.plotting.style import STYLES, save_figure
 
     if arguments.times or arguments.animate:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import copy
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ldcs_ros.cli.arguments import CommandLineError
-from ldcs_ros.cli.overrides import apply_overrides
+from ldcs_ros.errors import SceneError
 
 if TYPE_CHECKING:
     from ldcs_ros.scene.scene import Scene
@@ -73,7 +74,6 @@ def scene_of(bag: Path, arguments: argparse.Namespace) -> Scene:
         RecordingError: The bag cannot be read.
     """
     from ldcs_ros.bags import read_bag
-    from ldcs_ros.errors import SceneError
     from ldcs_ros.signals.topics import recorded_scene
     from ldcs_ros.tables.read import is_table
 
@@ -113,3 +113,39 @@ def changed_scene(scene: Scene, overrides: Sequence[str]) -> Scene:
     for line in carry_places(before, content):
         print(f"ldcs: note: {line}", file=sys.stderr)
     return parse_scene(write_yaml(content), name=scene.name, origin=f"{scene.name} with --set")
+
+
+def apply_overrides(content: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
+    """Return a copy of a scene's content with each `path=value` put in.
+
+    A path names keys joined by dots; a list takes an index, `effects[0].stiffness`, or an entry's type,
+    `effects.springs.stiffness`.
+    Unknown keys are left to the scene's own check, which knows what is allowed.
+
+    Raises:
+        SceneError: The text is not `path=value`, or the path leads nowhere.
+    """
+    from ldcs_ros.schema.paths import put_value
+
+    changed = copy.deepcopy(content)
+    for override in overrides:
+        path, equals, text = override.partition("=")
+        if not equals or not path.strip():
+            raise SceneError(
+                f"--set '{override}' is not path=value; write for example --set lattice.nodes=[17,17]"
+            )
+        try:
+            put_value(changed, path.strip(), parse_value(text.strip()), said=override)
+        except SceneError as error:
+            raise SceneError(f"--set {error}") from error
+    return changed
+
+
+def parse_value(text: str) -> object:
+    """Return the value of a text in a scene file: number, list, word, true / false, null."""
+    from ldcs_ros.schema.reader import read_yaml
+
+    try:
+        return read_yaml(text, origin="--set", error=SceneError)
+    except SceneError as error:
+        raise SceneError(f"{error}; quote lists as in --set 'lattice.nodes=[17,17]'") from error

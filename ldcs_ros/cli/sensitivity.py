@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     if found.warning:
         print(f"ldcs: warning: {found.warning}", file=sys.stderr)
     if arguments.output is not None:
-        from ldcs_ros.plotting.sensitivity import sensitivity_figure
+        from ldcs_ros.plotting.rest_state import sensitivity_figure
         from ldcs_ros.plotting.style import save_figure
 
         save_figure(sensitivity_figure(found, scene.name), arguments.output)

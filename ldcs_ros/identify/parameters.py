@@ -12,8 +12,7 @@ import numpy as np
 from ldcs_ros.errors import SceneError
 from ldcs_ros.identify.experiments import IdentificationError
 from ldcs_ros.scene import load_scene
-from ldcs_ros.scene.complete import complete_text
-from ldcs_ros.scene.load import parse_scene
+from ldcs_ros.scene.load import complete_text, parse_scene
 from ldcs_ros.schema.paths import get_value, with_values
 
 SPAN = 4.0  # a parameter without bounds is searched between a quarter and four times its value

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 from ldcs_ros.errors import LinkError
 from ldcs_ros.mock_rig.rig import MockRig
 from ldcs_ros.rig.units import PressureUnit
-from ldcs_ros.schema.arms import MAX_ARMS
+from ldcs_ros.schema.units import MAX_ARMS
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes

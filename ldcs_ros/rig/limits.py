@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ldcs_ros.errors import BridgeError
-from ldcs_ros.schema.arms import ARM_NAMES, MAX_ARMS
+from ldcs_ros.schema.units import ARM_NAMES, MAX_ARMS
 
 LONGEST_STEP = 0.1
 """Time that one step of slew may span [s]: after a stall a set-point must not jump."""

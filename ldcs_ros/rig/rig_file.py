@@ -20,9 +20,9 @@ from ldcs_ros.rig.reading import KINDS
 from ldcs_ros.rig.rig_check import LinkSettings, check_rig
 from ldcs_ros.rig.topic_link import JOINT_FIELDS, Incoming, Outgoing, TopicLink, TopicSettings
 from ldcs_ros.rig.units import PressureUnit
-from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.reader import plain_values, read_text, read_yaml, write_yaml
+from ldcs_ros.schema.units import ARM_NAMES
 
 TOPIC_PROGRAM = "ldcs_ros.ros.rig.topic_output"  # started by name: this room imports no rclpy
 LINK_TYPES = ("modbus", "serial", "topics")

@@ -1,7 +1,8 @@
-"""From a shipped name, a path, a dict or a text to a `Scene`."""
+"""From a shipped name, a path, a dict or a text to a `Scene`, and back to a text with every default written out."""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.resources
 import os
 from pathlib import Path
@@ -12,7 +13,7 @@ from ldcs_ros.scene.scene import Scene, parse_scene, scene_of_content
 from ldcs_ros.schema.fields import did_you_mean, shown
 from ldcs_ros.schema.reader import plain_values, read_text, write_yaml
 
-__all__ = ["load_scene", "parse_scene", "scene_of", "shipped_scenes"]
+__all__ = ["complete_text", "load_scene", "parse_scene", "scene_of", "shipped_scenes"]
 
 MAX_SHOWN = 200
 
@@ -54,3 +55,34 @@ def scene_of(source: str) -> Scene:
     if "\n" not in source.strip() and not source.lstrip().startswith("{"):
         return load_scene(source.strip())
     return parse_scene(source, name="scene", origin="the text")
+
+
+def complete_text(scene: Scene) -> str:
+    """Return the scene as YAML text that names every parameter of its effects, sensors and solver.
+
+    A bag with this text means the same when a default has changed. Where the very same scene cannot be written down,
+    the scene's own text is returned.
+    """
+    content = scene.content
+    for block, effect in zip(content.get("effects", []), scene.effects, strict=True):
+        for field in dataclasses.fields(effect):  # type: ignore[arg-type]
+            value = getattr(effect, field.name)
+            # None and an empty list have no spelling of their own: the key is absent.
+            if field.name not in block and value not in (None, ()) and value == field.default:
+                block[field.name] = value
+    if scene.sensors:
+        content["sensors"] = scene.sensors
+    solver = dataclasses.asdict(scene.solver)
+    content["solver"] = {key: value for key, value in solver.items() if value not in (None, False)}
+    text = write_yaml(plain_values(content, origin=scene.name, error=SceneError))
+    try:
+        again = parse_scene(text, name=scene.name, origin=scene.name)
+    except SceneError:
+        return scene.text
+    same = (again.effects, again.sensors, again.solver, again.inputs) == (
+        scene.effects,
+        scene.sensors,
+        scene.solver,
+        scene.inputs,
+    )
+    return text if same else scene.text

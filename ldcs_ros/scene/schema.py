@@ -17,9 +17,9 @@ from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.placed_arms import PlacedArm
 from ldcs_ros.physics.points import Point, point_at
 from ldcs_ros.physics.shapes import Disc, PlaneShape, Polygon, Rectangle, SheetRegion
-from ldcs_ros.schema.arms import MAX_ARMS
 from ldcs_ros.schema.checks import Checks
 from ldcs_ros.schema.fields import as_location, did_you_mean, shown
+from ldcs_ros.schema.units import MAX_ARMS
 from ldcs_ros.sensors import PressureSensorParameters, TrackerParameters
 
 if TYPE_CHECKING:

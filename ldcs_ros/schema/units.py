@@ -1,8 +1,12 @@
-"""Axes, units of pressure, the tolerance of times; this module imports nothing, so that a small process can use it."""
+"""Axes, arms, units of pressure, the tolerance of times; it imports nothing, so that a small process can use it."""
 
 from __future__ import annotations
 
 AXES = ("x", "y", "z")
+ARM_NAMES = ("left", "right")
+"""The arms of a scene or a rig file without a list: along the edges y_max and y_min."""
+MAX_ARMS = 16
+"""The most arms of a scene or a rig."""
 PRESSURE = {
     "Pa": 1.0,
     "hPa": 1e2,

@@ -10,7 +10,7 @@ from pathlib import Path
 from ldcs_ros.bags import BagWriter, Qos, TopicInfo
 from ldcs_ros.errors import user_path
 from ldcs_ros.messages.topics import Topic
-from ldcs_ros.scene.complete import complete_text
+from ldcs_ros.scene.load import complete_text
 from ldcs_ros.twin.settings import software_versions
 from ldcs_ros.twin.twin import Twin
 

@@ -10,8 +10,6 @@ RADIUS = 0.115  # m, at the actuated edges (section III)
 YOUNGS_MODULUS = 75.35e3  # Pa, from the paper's tensile test (section IV.A)
 SIDE = 0.140  # m
 PRESSURE = 140e3  # Pa, 1.4 bar, taken as gauge
-TRACKER_ACCURACY = 1e-4  # m (section IV.A)
-CLAIM = 1.4  # mm: "less than 1 % of the length of the surface's side"
 
 POINTS = ("P0", "P1")
 AXES = ("x", "y", "z")

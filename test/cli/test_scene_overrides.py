@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ldcs_ros.cli.overrides import apply_overrides, parse_value
-from ldcs_ros.cli.scene_argument import scene_with
+from ldcs_ros.cli.scene_argument import apply_overrides, parse_value, scene_with
 from ldcs_ros.errors import SceneError
 
 CONTENT = {

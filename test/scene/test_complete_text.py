@@ -7,8 +7,7 @@ import pytest
 import yaml
 
 from ldcs_ros import load_scene, shipped_scenes
-from ldcs_ros.scene.complete import complete_text
-from ldcs_ros.scene.load import parse_scene
+from ldcs_ros.scene.load import complete_text, parse_scene
 
 
 @pytest.mark.parametrize("name", sorted(shipped_scenes()))

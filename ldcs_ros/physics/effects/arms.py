@@ -15,8 +15,8 @@ from ldcs_ros.physics.effects.base import Assembly, Effect, Term
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.placed_arms import PlacedArm, corners_in_use
-from ldcs_ros.schema.arms import ARM_NAMES
 from ldcs_ros.schema.fields import choice, quantity
+from ldcs_ros.schema.units import ARM_NAMES
 
 DRIVES = ("torque", "pressure", "curvature")
 SHARED = ("drive", "arms")
