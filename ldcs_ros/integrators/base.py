@@ -183,8 +183,11 @@ class Integrator:
         """Return the error of a given start, none, or None if the method transports no errors."""
         return None
 
-    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> ErrorState:
-        """Return the error at the end of the step that was taken last, given that at its start."""
+    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> tuple[Step, ErrorState]:
+        """Return the step that was taken last, corrected by what it shows, and the error at its end from that before.
+
+        The correction is far below the step's tolerance: the momenta of a sheet that nothing holds.
+        """
         raise NotImplementedError
 
     def jump(self, motion: Motion, before: HeldCommands, after: HeldCommands) -> np.ndarray:

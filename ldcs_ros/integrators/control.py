@@ -47,8 +47,8 @@ COMMAND_INTERVAL = 0.02
 # Inside a step the quintic is off by about this share of its last coefficient, twice over (measured on `arc` and
 # `single_spring`); such an error does not add up.
 BEND_SHARE = 1.0 / 8.0
-# A loose sheet goes on with wrong momenta for at least and at most this long [s].
-COASTING = 2.0, 20.0
+# A loose sheet goes on with wrong momenta for this long [s], where nothing corrects them.
+COASTING = 2.0
 # A motion without damping is taken to be followed for this long [s].
 HORIZON = 10.0
 # Steps of a fixed length have no accuracy to iterate to: their stages are solved to this [m].
@@ -151,10 +151,12 @@ class AdaptiveSteps:
                 h, rejected = h * failure.remedy, True
                 continue
             inside = BEND_SHARE * self.integrator.largest_displacement(step.bend(self.integrator.model))
-            drift = self._coasted(step) / (room * LOCAL_SHARE * self.accuracy)
+            # The transport corrects momenta, but for those of an impact.
+            coasted = COASTING * step.drift if self._has_contact else 0.0
+            drift = coasted / (room * LOCAL_SHARE * self.accuracy)
             ratio = max(step.error / tolerance, drift, inside / self.accuracy, 1e-6)
             if ratio <= 1.0:
-                errors = self._transported(step, inputs, pace.errors[-1:], stop)
+                step, errors = self._transported(step, inputs, pace.errors[-1:], stop)
                 added = errors[1].outlook - errors[0].outlook if len(errors) > 1 else 0.0
                 allowed = room * STEP_FRACTION * BUDGET * self.accuracy
                 is_hopeless = room <= LEAST_ROOM or LEAST_GAIN * added > added_before
@@ -180,7 +182,7 @@ class AdaptiveSteps:
         if len(errors) > 1:
             inside = 0.0
         else:
-            error += step.error + COASTING[0] * step.drift
+            error += step.error + COASTING * step.drift
         h = min(grown, ceiling, LARGEST_STEP)
         return step, Pace(h, ceiling * CEILING_GROWTH, error, inside, first, errors)
 
@@ -189,25 +191,15 @@ class AdaptiveSteps:
         used = errors[-1].outlook / (BUDGET * self.accuracy) if errors else 0.0
         return max(1.0 - used, LEAST_ROOM)
 
-    def _coasted(self, step: Step) -> float:
-        """Return the distance [m] that a step adds to where a loose sheet coasts with errors of its momenta.
-
-        Impacts are short: their errors are no rate per second, and count as they are. Those of smooth steps add up
-        over the time that the sheet coasts, which is taken to be as long again as the run has lasted.
-        """
-        if self._has_contact:
-            return COASTING[0] * step.drift
-        h, time = step.right.time - step.left.time, min(max(step.right.time, COASTING[0]), COASTING[1])
-        return time * max(time / h, 1.0) * step.drift
-
     def _transported(
         self, step: Step, inputs: HeldCommands, errors: tuple[ErrorState, ...], stop: float
-    ) -> tuple[ErrorState, ...]:
-        """Return the error before a step and after it; without the latter if it is minor or the method has none."""
+    ) -> tuple[Step, tuple[ErrorState, ...]]:
+        """Return a step with the error before and after it; without the latter if it is minor or there is none."""
         is_minor = stop - step.left.time < COMMAND_INTERVAL and step.error < MINOR_SHARE * self.accuracy
         if not errors or is_minor:
-            return errors
-        return (*errors, self.integrator.transport_error(step, inputs, errors[0]))
+            return step, errors
+        step, after = self.integrator.transport_error(step, inputs, errors[0])
+        return step, (*errors, after)
 
     def _stop(self, motion: Motion, reason: str) -> DivergenceError:
         return DivergenceError(

@@ -6,6 +6,7 @@ import numpy as np
 
 from ldcs_ros.integrators.base import Counters, ErrorState
 from ldcs_ros.integrators.implicit.error_kernels import largest_distance
+from ldcs_ros.integrators.implicit.momenta import Momenta
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Motion
@@ -31,6 +32,7 @@ class ErrorOutlook:
         self._system, self._model = system, system.model
         self._factors: Factors | None = None
         self._uses = 0
+        self.momenta = Momenta(system.model)
 
     @property
     def memory(self) -> tuple[Factors | None, int]:
@@ -55,7 +57,8 @@ class ErrorOutlook:
         """
         reached = error.distance
         if self._model.is_unconstrained:
-            reached = max(reached, error.distance + AHEAD * motion.time * self.rigid_speed(motion, error.u))
+            speed = self.momenta.speed(motion.q, self.momenta.of_error(motion, error))
+            reached = max(reached, error.distance + AHEAD * motion.time * speed)
         if h < LONG_STEP:
             shift = FOLLOWED * self._followed(motion, inputs, error.u, counters)
             reached = max(reached, float(largest_distance(self._model.free, shift, self._model.n_free_nodes)))
@@ -76,15 +79,3 @@ class ErrorOutlook:
         self._factors, self._uses = kept, self._uses + 1
         counters.solves += 1
         return self._system.turn(kept, *where).solve(self._model.momentum(motion.q, u))
-
-    def rigid_speed(self, motion: Motion, u: np.ndarray) -> float:
-        """Return the largest speed of a node [m/s] in the rigid motion with the momenta of velocities u."""
-        n = self._model.n_free_nodes
-        mass = self._model.mass[:n].reshape(-1, 3)[:, :1]
-        place, velocity = motion.q[self._model.free[:n]].reshape(-1, 3), u[:n].reshape(-1, 3)
-        place = place - (mass * place).sum(axis=0) / mass.sum()
-        drift = (mass * velocity).sum(axis=0) / mass.sum()
-        momentum = (mass * np.cross(place, velocity)).sum(axis=0)
-        inertia = (mass * (place**2)).sum() * np.eye(3) - (mass * place).T @ place
-        spin = np.linalg.lstsq(inertia, momentum, rcond=1e-9)[0]
-        return float(np.linalg.norm(drift + np.cross(spin, place), axis=1).max())

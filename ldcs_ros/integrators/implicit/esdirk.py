@@ -131,15 +131,16 @@ class Dirk(Integrator):
     def initial_error(self) -> ErrorState | None:
         return self._transport.initial()
 
-    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> ErrorState:
+    def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> tuple[Step, ErrorState]:
         first, second = (self._stage_factors[k] for k in self._inner_stages)
         last = self._stage_factors[-1]
         if not first.rate_step == second.rate_step == last.rate_step:
             first = second = last
         factors = first.unscaled(), second.unscaled(), last.unscaled()
-        moved = self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
+        step, moved = self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
         h = step.right.time - step.left.time
-        return replace(moved, outlook=self._outlook.distance(h, step.right, inputs, moved, self.counters))
+        outlook = self._outlook.distance(h, step.right, inputs, moved, self.counters)
+        return step, replace(moved, outlook=outlook)
 
     def _trail_to(self, motion: Motion) -> StagePredictor:
         """Return the trail that ends with a motion: that of the last step, of a rejected one's start, or a new one."""
@@ -242,7 +243,10 @@ class Dirk(Integrator):
 
         Dampers between nodes forget all errors but that one: nothing takes it away again.
         """
-        return self._outlook.rigid_speed(right, rate_defect) if self.model.is_unconstrained else 0.0
+        if not self.model.is_unconstrained:
+            return 0.0
+        momenta = self._outlook.momenta
+        return momenta.speed(right.q, momenta.of_rates(right.q, rate_defect))
 
     def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
         return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
