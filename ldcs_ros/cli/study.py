@@ -125,8 +125,6 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.preset != "accuracy":
         only_with("--accuracy", {"--scenes": arguments.scenes, "--first-seed": arguments.first_seed})
-    if arguments.preset != "hard":
-        only_with("--hard", {"--slow": arguments.slow})
     if arguments.preset not in ("hard", "accuracy"):
         only_with("--hard or --accuracy", {"--only": arguments.only})
     if arguments.preset == "hard":
