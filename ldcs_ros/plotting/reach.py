@@ -20,7 +20,7 @@ from ldcs_ros.plotting.style import (
     new_figure,
     style_axes,
 )
-from ldcs_ros.plotting.surface import common_frame, draw_surface
+from ldcs_ros.plotting.surface import add_displacement_key, common_frame, draw_surface
 from ldcs_ros.reach.course import CommandCourse, Trajectory
 from ldcs_ros.reach.workspace import Workspace
 
@@ -76,7 +76,7 @@ def workspace_figure(found: Workspace, flat: np.ndarray, title: str) -> Figure:
 def _draw_lines(axes: Axes, place: np.ndarray, found: Workspace) -> None:
     for k, variable in enumerate(found.variables):
         lines = np.moveaxis(place, k, 0).reshape(found.levels, -1, 2)
-        label = f"{variable.name} from {variable.low:g} to {variable.high:g}"
+        label = f"{variable.name}: {command_in_words(variable.name, variable.low, variable.high)}"
         for number in range(lines.shape[1]):
             axes.plot(
                 lines[:, number, 0],
@@ -85,6 +85,15 @@ def _draw_lines(axes: Axes, place: np.ndarray, found: Workspace) -> None:
                 linewidth=0.9 * SCREEN.scale,
                 label=label if number == 0 else None,
             )
+
+
+def command_in_words(name: str, *values: float) -> str:
+    """Return values of a command with their unit, `0 to 190 kPa`; pressures are gauge."""
+    kind, last = name.partition(".")[0], name.split(".")[-2:-1]
+    unit, factor = {"pressure": ("kPa", 1e-3), "torque": ("N m", 1.0)}.get(kind, ("N", 1.0))
+    if last == ["torque"]:  # of a wrench
+        unit = "N m"
+    return f"{' to '.join(f'{factor * value:.4g}' for value in values)} {unit}"
 
 
 def shape_error_figure(rest: np.ndarray, error: np.ndarray, annotations: Annotations, note: str) -> Figure:
@@ -98,12 +107,15 @@ def shape_error_figure(rest: np.ndarray, error: np.ndarray, annotations: Annotat
     """
     width = 1.4 * SCREEN.width
     figure = new_figure(width, 0.5 * width)
-    axes = new_axes_3d(figure, (0.0, 0.0, 0.54, 0.9))
-    draw_surface(axes, rest, annotations, common_frame([rest], annotations.rest), large=True)
+    axes = new_axes_3d(figure, (0.02, 0.03, 0.45, 0.82))
+    frame = common_frame([rest], annotations.rest)
+    draw_surface(axes, rest, annotations, frame, large=True)
+    key = figure.add_axes((0.49, 0.25, 0.012, 0.46))
+    add_displacement_key(figure, key, frame)
     flat = MM * annotations.rest[0]
     largest = MM * float(np.nanmax(np.abs(error)))
     scale, colours = Normalize(-largest, largest), colormaps["RdBu_r"]
-    plane = figure.add_axes((0.61, 0.17, 0.27, 0.62))
+    plane = figure.add_axes((0.63, 0.17, 0.26, 0.62))
     plane.pcolormesh(
         flat[..., 0], flat[..., 1], MM * error, cmap=colours, norm=scale, shading="nearest", rasterized=True
     )
@@ -142,7 +154,12 @@ def course_figure(found: CommandCourse, trajectory: Trajectory, title: str) -> F
     for k, (name, values) in enumerate(found.commands.items()):
         largest = float(np.abs(values).max()) or 1.0
         colour = LINE_COLOURS[k % len(LINE_COLOURS)]
-        course.plot(found.time, values / largest, color=colour, label=f"{name}, 1 is {largest:.4g}")
+        course.plot(
+            found.time,
+            values / largest,
+            color=colour,
+            label=f"{name}, 1 is {command_in_words(name, largest)}",
+        )
     style_axes(course, x_label="time [s]", y_label="command over its largest")
     for axes in (path, course):
         axes.legend(fontsize=7, frameon=False, loc="best")

@@ -11,6 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 from ldcs_ros.plotting.annotations import Annotations
 from ldcs_ros.plotting.axes3d import MM, new_axes_3d
 from ldcs_ros.plotting.style import (
+    AXIS_COLOURS,
     INK,
     LINE_COLOURS,
     LOAD_COLOUR,
@@ -153,6 +154,7 @@ def sensitivity_figure(found: StaticSensitivity, title: str) -> Figure:
     rows = [
         k for k, row in enumerate(found.values) if np.any(np.abs(row) > 1e-9 * np.abs(found.values).max())
     ]
+    points = list(dict.fromkeys(name[:-2] for name in found.rows))
     largest = np.abs(found.values).max(axis=0)
     figure = new_figure(7.5, 0.9 + count * (0.16 * len(rows) + 0.25))
     axes = figure.add_axes((0.36, 0.45 / figure.get_size_inches()[1] + 0.05, 0.44, 0.78))
@@ -164,16 +166,23 @@ def sensitivity_figure(found: StaticSensitivity, title: str) -> Figure:
             lengths,
             height,
             label=found.rows[row],
-            color=LINE_COLOURS[number % len(LINE_COLOURS)],
+            color=AXIS_COLOURS[found.rows[row][-1]],
+            alpha=1.0 / (1 + points.index(found.rows[row][:-2])),  # further points are paler
         )
     axes.axvline(0.0, color=SOFT_INK, linewidth=0.6)
     axes.set_yticks(range(count), found.to, color=INK)
     for place, (value, unit) in enumerate(zip(largest, found.units, strict=True)):
-        label = f"{MM * value:.3g} mm" + (f"/({unit})" if unit else "")
+        label = f"{MM * value:.3g} mm" + (f"/({unit})" if " " in unit else f"/{unit}" if unit else "")
         axes.text(1.04, place, label, va="center", color=SOFT_INK, fontsize=SCREEN.label - 1.0)
     axes.set_xlim(-1.02, 1.02)
     axes.invert_yaxis()
     style_axes(axes, x_label="fraction of the value at the right", y_label="")
-    axes.legend(loc="lower right", fontsize=SCREEN.label - 1.0, frameon=False)
+    axes.legend(
+        loc="upper right",
+        bbox_to_anchor=(1.0, -0.09),
+        ncols=len(rows),
+        fontsize=SCREEN.label - 1.0,
+        frameon=False,
+    )
     add_title(figure, f"{title}: sensitivity at rest")
     return figure

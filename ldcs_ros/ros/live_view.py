@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ldcs_ros.errors import LdcsError, ViewingError
-from ldcs_ros.ros.common.node_process import own_words, unknown_word
+from ldcs_ros.ros.common.node_process import own_words, ros_advice, unknown_word
 
 if TYPE_CHECKING:
     from rcl_interfaces.srv import GetParameters
@@ -57,8 +57,7 @@ def main(words: list[str] | None = None) -> int:
     try:
         return _run(arguments, ros_arguments)
     except ImportError as error:
-        advice = "run `make setup`, or source a ROS 2 distribution that has the packages of package.xml"
-        print(f"{NAME}: {error}; {advice}", file=sys.stderr)
+        print(f"{NAME}: {error}; {ros_advice()}", file=sys.stderr)
     except (LdcsError, RuntimeError, ValueError) as error:
         print(f"{NAME}: {' '.join(str(error).split())}", file=sys.stderr)
     return 2

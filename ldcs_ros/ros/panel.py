@@ -28,7 +28,7 @@ from ldcs_ros.errors import CommandError, LdcsError, RecordingError
 from ldcs_ros.messages.cdr import decode
 from ldcs_ros.messages.message_types import PointCloudMessage
 from ldcs_ros.physics.effects.arms import Arms
-from ldcs_ros.ros.common.optional import BUILD_ADVICE, import_problem
+from ldcs_ros.ros.common.optional import build_advice, import_problem
 from ldcs_ros.ros.common.transport import subscribe_raw
 from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.schema.units import STANDARD_ATMOSPHERE
@@ -210,7 +210,7 @@ class Panel:
 
     def _push(self, request: Mapping[str, object]) -> str:
         if problem := import_problem("ldcs_msgs"):
-            raise CommandError(f"push: ldcs_msgs {problem}; {BUILD_ADVICE}")
+            raise CommandError(f"push: ldcs_msgs {problem}; {build_advice()}")
         from ldcs_msgs.srv import ApplyWrench
 
         force = request.get("force")

@@ -82,7 +82,7 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
     spatial, sizes, rates = errors_against_finest(rows), measured_sizes(rows), rate_costs(rows)
     panels = len(problems) + bool(spatial) + (len(sizes) > 1) + bool(rates)
     lines = math.ceil(panels / COLUMNS)
-    figure = new_figure(13.0, 0.9 + 3.9 * lines + 0.9, dpi=110)
+    figure = new_figure(13.0, 0.9 + 3.9 * lines + 0.9, dpi=75)
     grid = figure.subplots(lines, COLUMNS, squeeze=False).ravel()
     for axes, (scene, nodes) in zip(grid, problems, strict=False):
         _panel(axes, scene, nodes, [row for row in curves if (row.scene, row.nodes) == (scene, nodes)])

@@ -117,8 +117,16 @@ class _Chromium:
     """One browser process; commands go to its descriptor 3, answers come from its descriptor 4."""
 
     def __init__(self, path: str, profile: str, size: tuple[int, int]) -> None:
-        commands, self._commands = os.pipe()
-        self._answers, answers = os.pipe()
+        # Imported here: other systems lack it, and have no such browser.
+        import fcntl
+
+        pipes = [*os.pipe(), *os.pipe()]
+        # Above 3 and 4, which the shell gives to the browser.
+        commands, self._commands, self._answers, answers = (
+            fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in pipes
+        )
+        for end in pipes:
+            os.close(end)
         self._log = Path(profile) / "stderr"
         flags = [*_FLAGS, f"--window-size={size[0]},{size[1]}", f"--user-data-dir={profile}"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:

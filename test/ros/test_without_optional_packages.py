@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+from pathlib import Path
 
 import pytest
+
+from ldcs_ros.ros.common import optional
+from ldcs_ros.ros.common.optional import build_advice
 
 PROGRAM = """\
 import sys
@@ -26,6 +30,17 @@ def broken_tf2_msgs(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
 
 
+def test_the_advice_on_ldcs_msgs_is_what_this_user_can_run(monkeypatch):
+    monkeypatch.delenv("ROS_DISTRO", raising=False)
+    assert build_advice() == "build it with `make msgs`"
+    # From a wheel: its sources lie in the package, and colcon comes with a distribution.
+    monkeypatch.setattr(optional, "in_checkout", lambda: False)
+    sources = build_advice().partition("--base-paths ")[2].split()[0]
+    assert (Path(sources) / "package.xml").is_file() and build_advice().endswith("in a ROS 2 distribution")
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    assert build_advice().endswith("source install/setup.bash`")
+
+
 def test_it_runs_and_says_what_is_left_out_and_why(start, tmp_path, broken_tf2_msgs):
     program = tmp_path / "without.py"
     program.write_text(PROGRAM)
@@ -36,7 +51,7 @@ def test_it_runs_and_says_what_is_left_out_and_why(start, tmp_path, broken_tf2_m
     assert told["tf2_msgs"] == "cannot be loaded: undefined symbol: PyOther (/tf and /tf_static)"
     (line,) = [line for line in node.output.splitlines() if "left out" in line]
     assert "not installed, left out: ldcs_msgs (" in line
-    assert line.endswith("build ldcs_msgs in the checkout: colcon build --base-paths . msg_defs")
+    assert line.endswith(build_advice())
     assert "cannot be loaded: undefined symbol: PyOther, left out: tf2_msgs" in line
     services = {name for name, _ in user.node.get_service_names_and_types()}
     assert "/ldcs/ldcs_sim/pause" in services and "/ldcs/ldcs_sim/load_scene" not in services

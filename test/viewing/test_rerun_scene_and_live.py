@@ -93,7 +93,7 @@ def test_a_bag_becomes_a_file_that_the_viewer_verifies(recording, tmp_path):
         "/traces/P1",
         "/plots/P1_state/z",
         "/plots/P1_tracker/z",
-        "/plots/pressure/left",
+        "/plots/gauge_pressure/left",
         "/plots/drive_torque/left_joint_1",
         "/plots/joint_angle/right_joint_4",
     }
@@ -152,6 +152,6 @@ def test_a_running_twin_is_shown_and_a_reset_begins_anew(tmp_path):
             "/loads/arrows",
             "/traces/P1",
             "/plots/P1_state/z",
-            "/plots/pressure/left",
+            "/plots/gauge_pressure/left",
             "/plots/joint_angle/left_joint_1",
         }

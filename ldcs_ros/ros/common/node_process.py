@@ -192,12 +192,16 @@ def run(
             return 2
         return _run(name, load, arguments, signals)
     except _RosMissing as error:
-        command = "make setup" if extras.in_checkout() else extras.advice("ros", "ros-rclpy")
-        advice = f"source a ROS 2 distribution that has the packages of package.xml, or run `{command}`"
-        print(f"{name}: {error}; {advice}", file=sys.stderr)
+        print(f"{name}: {error}; {ros_advice()}", file=sys.stderr)
         return 2
     finally:
         signals.ignore()
+
+
+def ros_advice() -> str:
+    """Return what this user can run where packages of ROS are missing."""
+    command = "make setup" if extras.in_checkout() else extras.advice("ros", "ros-rclpy")
+    return f"source a ROS 2 distribution that has the packages of package.xml, or run `{command}`"
 
 
 def _run(

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.type_support import check_for_type_support
+
+from ldcs_ros.extras import in_checkout
 
 if TYPE_CHECKING:
     from rclpy.type_support import Msg
@@ -18,8 +23,18 @@ OPTIONAL: dict[str, str] = {
     "tf2_msgs": "/tf and /tf_static",
     "launch": "the launch files",
 }
-BUILD_ADVICE = "build ldcs_msgs in the checkout: colcon build --base-paths . msg_defs"
-"""colcon looks for no package inside another, so a clone in src/ builds ldcs_ros alone."""
+
+
+def build_advice() -> str:
+    """Return how this user gets ldcs_msgs; its sources are in the checkout, and in the package of a wheel."""
+    if in_checkout() and not os.environ.get("ROS_DISTRO"):
+        return "build it with `make msgs`"
+    # colcon looks for no package inside another, so a clone in src/ builds ldcs_ros alone.
+    sources = ". msg_defs" if in_checkout() else shlex.quote(str(Path(__file__).parents[2] / "msg_defs"))
+    build = f"`colcon build --base-paths {sources} && source install/setup.bash`"
+    return f"build it with {build}" + ("" if os.environ.get("ROS_DISTRO") else " in a ROS 2 distribution")
+
+
 # A message of each package of messages: whether its library fits this Python and this ROS shows when it is loaded.
 _PROBES = {
     "ldcs_msgs": "ldcs_msgs/msg/LatticeState",
@@ -61,7 +76,7 @@ def missing_line() -> str:
     for name, why in import_problems.items():
         groups.setdefault(why, []).append(f"{name} ({OPTIONAL[name]})")
     line = "; ".join(f"{why}, left out: {', '.join(names)}" for why, names in groups.items() if why)
-    return f"{line}; {BUILD_ADVICE}" if import_problems["ldcs_msgs"] else line
+    return f"{line}; {build_advice()}" if import_problems["ldcs_msgs"] else line
 
 
 def interface_states(used: set[str]) -> dict[str, str]:
