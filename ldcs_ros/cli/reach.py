@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ldcs_ros.cli.arguments import CommandLineError, count, hertz, metres, only_with, picture, seconds, seed
 from ldcs_ros.cli.output import print_json, print_pairs
 from ldcs_ros.cli.scene_argument import add_set, scene_with
-from ldcs_ros.errors import SceneError, one_line
+from ldcs_ros.errors import RecordingError, SceneError, one_line
 
 if TYPE_CHECKING:
     from ldcs_ros.reach import Reached, ShapeTarget, TargetCoordinate, Variable
@@ -34,13 +34,15 @@ begins at the rest state of the scene. The result is a piecewise linear course o
 EXAMPLE = """\
 ldcs reach rig --target P1.z=0.050 --vary pressure.left=0..190e3 --vary pressure.right=0..190e3
   ldcs reach three_arms --target P1.z=0.04 --target P0.z=0.012 --vary pressure.left=0..150e3 \\
-      --vary pressure.middle=0..150e3 --vary pressure.right=0..150e3 --starts 8 -o reached.png --json
+      --vary pressure.middle=0..150e3 --vary pressure.right=0..150e3 --starts 8 -o reached.png --bag out/reached
   ldcs reach mould --shape sphere:radius=0.5 --vary 'pressure.*=0..150e3' --bound -o dome.png
   ldcs reach rig --workspace P1 --vary 'pressure.*=0..190e3' -o workspace.png
   ldcs reach rig --at 2.0 --trajectory circle.csv --vary 'pressure.*=0..200e3' --slew 'pressure.*=400e3' \
       --vary wrench.P1_aligned.force.y=-5..5 --tolerance 2e-4 --course course.csv -o course.png"""
 
 EXIT_NOT_REACHED = 1
+# Rest states whose coordinates differ by less are one [m, rad].
+SAME_PLACE = 1e-6
 _TARGET = re.compile(r"^(\w+)\.([xyz])=([^*]+)(?:\*(.+))?$")
 _VARIABLE = re.compile(r"^([\w.]+\*?)=(.+)\.\.(.+)$")
 
@@ -101,6 +103,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="FILE", type=picture, help="picture of the rest state (png, pdf, svg)"
     )
+    parser.add_argument(
+        "--bag",
+        metavar="DIR",
+        type=Path,
+        help="new bag folder for the rest state, as `ldcs simulate --settle` records",
+    )
     add_set(parser)
 
 
@@ -116,6 +124,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.trajectory is None:
         names = ("at", "slew", "interval", "rate", "course")
         only_with("--trajectory", {f"--{name}": getattr(arguments, name) for name in names})
+    if not aims:
+        only_with("--target or --shape", {"--bag": arguments.bag, "--bound": arguments.bound})
     targets = [_target(text) for text in arguments.targets]
     scene = scene_with(arguments.scene, arguments.overrides)
     simulation = scene.build()
@@ -129,8 +139,10 @@ def run(arguments: argparse.Namespace) -> int:
         return _reach(arguments, scene, simulation, targets, variables)
     except ValueError as error:
         raise SceneError(f"{scene.name}: {error}") from error
+    except RecordingError:
+        raise
     except OSError as error:
-        raise SceneError(f"{arguments.trajectory or arguments.shape}: {one_line(error)}") from error
+        raise SceneError(f"{error.filename or arguments.trajectory}: {one_line(error)}") from error
 
 
 def _follow(arguments: argparse.Namespace, scene: Scene, variables: list[Variable]) -> int:
@@ -145,6 +157,7 @@ def _follow(arguments: argparse.Namespace, scene: Scene, variables: list[Variabl
         variables,
         interval=arguments.interval or 0.1,
         rate=arguments.rate or 50.0,
+        tolerance=arguments.tolerance,
         progress=lambda text: print(f"ldcs: {text}", file=sys.stderr),
     )
     reached = found.rms <= arguments.tolerance
@@ -220,6 +233,8 @@ def _reach(
     reached = best.distance <= arguments.tolerance
     if arguments.output is not None:
         _draw(scene, best, shape, arguments.output)
+    if arguments.bag is not None:
+        _record(scene, best, arguments.bag)
     if arguments.json:
         print_json(
             {
@@ -345,6 +360,35 @@ def _print(found: list[Reached], targets: list[TargetCoordinate], variables: lis
         branch = "stable" if one.stable else "unstable"
         lines.append(("rest state", f"{branch}; optimality {one.optimality:.1e} m after {one.steps} steps"))
         print_pairs(lines)
+
+
+def _record(scene: Scene, best: Reached, folder: Path) -> None:
+    from ldcs_ros.twin.recorder import Recorder
+    from ldcs_ros.twin.settings import RunSettings
+    from ldcs_ros.twin.twin import Twin
+
+    twin = Twin(scene.edited(inputs=list(best.schedule)), RunSettings())
+    recorder = Recorder(folder, twin, custom_data={"settled": "true"})
+    twin.sinks.append(recorder)
+    twin.settle()
+    simulation, nodes = twin.simulation, 3 * scene.lattice.n_nodes
+    if abs(simulation.motion().q - best.coordinates).max() > SAME_PLACE:
+        print(
+            "ldcs: warning: by itself the scene rests elsewhere under these commands; a replay of the bag goes there",
+            file=sys.stderr,
+        )
+        arms = simulation.model.arms
+        simulation.start_from(
+            best.coordinates[:nodes].reshape(-1, 3),
+            link_angle=None if arms is None else arms.angles(best.coordinates),
+        )
+        twin.settle()
+    end = twin.time
+    while twin.next_time <= end:
+        twin.advance_to_next()
+    recorder.close()
+    if recorder.error is not None:
+        raise SceneError(f"{folder}: {recorder.error}")
 
 
 def _draw(scene: Scene, best: Reached, shape: ShapeTarget | None, path: Path) -> None:

@@ -161,7 +161,9 @@ def course_figure(found: CommandCourse, trajectory: Trajectory, title: str) -> F
             label=f"{name}, 1 is {command_in_words(name, largest)}",
         )
     style_axes(course, x_label="time [s]", y_label="command over its largest")
-    for axes in (path, course):
-        axes.legend(fontsize=7, frameon=False, loc="best")
+    path.legend(fontsize=7, frameon=False, loc="best")
+    # Above the axes: lines may be anywhere inside.
+    columns = 1 + (len(found.commands) - 1) // 4
+    course.legend(fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns)
     add_title(figure, f"{title}: RMS {MM * found.rms:.3g} mm")
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
 from collections.abc import Callable, Sequence
@@ -11,18 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
-from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.reach.least_squares import constrained_least_squares
-from ldcs_ros.reach.reach import TargetCoordinate, Variable, commands_of
+from ldcs_ros.reach.reach import TargetCoordinate, Variable, commands_of, rest_course
+from ldcs_ros.reach.schedule import Entries, entries
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.simulation.command_directions import AXES
 from ldcs_ros.simulation.run_parameters import CommandProfile
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 
-# A course is done when a step lowers the distance by less than this part of it.
+# A course is done when a step with slopes of its own lowers the distance by less than this part of it.
 LEAST_GAIN = 0.01
-MOST_STEPS = 12
+# A step with slopes of an earlier course shall lower it by this part, or they are found again: that takes ten runs.
+KEPT_GAIN = 0.15
+MOST_STEPS = 40
+SHORTEST_PART = 0.05
 # Weight of a knot's second difference, as a part of the command's range, beside a distance of a target [m]: where the
 # targets leave commands open, the smoother course counts.
 ROUGHNESS = 2e-5
@@ -65,7 +69,7 @@ class CommandCourse:
 
     time: np.ndarray
     commands: dict[str, np.ndarray]
-    schedule: tuple[dict[str, object], ...]
+    schedule: Entries
     reached: np.ndarray
     rms: float
     largest: float
@@ -111,12 +115,14 @@ def find_course(
     *,
     interval: float = 0.1,
     rate: float = 50.0,
+    tolerance: float = 0.0,
     progress: Callable[[str], None] = lambda text: None,
 ) -> CommandCourse:
     """Return the course of commands under which places follow a trajectory, within bounds and slew rates.
 
-    The run begins at the rest state under the scene's commands. Gauss-Newton steps with the tangents of the run, the
-    linear problem with its inequalities solved exactly. The rest states at the targets are the first guess.
+    The run begins at the rest state under the scene's commands. The rest states at the targets are the first guess.
+    Gauss-Newton steps with the tangents of a run, the linear problem with its inequalities solved exactly. A run of its
+    own checks each step and updates the slopes; new tangents are found only where this leads on no longer.
 
     Args:
         scene: The scene.
@@ -124,6 +130,7 @@ def find_course(
         variables: Commands that may vary, with bounds and slew rates.
         interval: Time between knots [s].
         rate: Rate of the commands, each held until the next [1/s].
+        tolerance: Weighted root of the mean square distance at which the search ends [m].
         progress: Called with a line after each step.
 
     Raises:
@@ -131,7 +138,7 @@ def find_course(
         DivergenceError: There is no rest state to begin at, or no motion.
     """
     with one_thread():
-        return _CourseProblem(scene, trajectory, variables, interval, rate).solve(progress)
+        return _CourseProblem(scene, trajectory, variables, interval, rate).solve(tolerance, progress)
 
 
 class _CourseProblem:
@@ -170,52 +177,58 @@ class _CourseProblem:
         self._rows = np.array(
             [3 * places.index(target.place) + AXES.index(target.axis) for target in trajectory.coordinates]
         )
-        self._weight = np.array([target.weight for target in trajectory.coordinates])
+        weight = np.array([target.weight for target in trajectory.coordinates])
+        self._scale = weight / math.sqrt(len(trajectory.time))
         self._asked = np.isfinite(trajectory.value)
 
-    def solve(self, progress: Callable[[str], None]) -> CommandCourse:
+    def solve(self, tolerance: float, progress: Callable[[str], None]) -> CommandCourse:
         """Go down from the rest states at the targets."""
         # Fractions of the ranges at the knots after the first, shape (n_knots - 1, n_variables).
         values = self._limited(self._first_guess())
-        residual, slope = self._look(values)
-        steps = 0
-        for steps in range(1, MOST_STEPS + 1):
+        residual, slope = self._residual(values), self._slope(values)
+        progress(f"rest states: RMS {1e3 * self._rms(residual):.4g} mm")
+        steps, exact = 0, True
+        while steps < MOST_STEPS and self._rms(residual) > tolerance:
             change = self._change(values, residual, slope)
-            part, found = 1.0, None
-            while part > 0.05:
-                try:
-                    found = self._look(values + part * change)
-                except DivergenceError:
-                    found = None
-                if found is not None and np.sum(found[0] ** 2) < np.sum(residual**2):
+            taken = self._shortened(values, change, residual)
+            gain = 0.0
+            if taken is not None:
+                steps += 1
+                part, now = taken
+                gain = 1.0 - float(np.linalg.norm(now)) / float(np.linalg.norm(residual))
+                step = part * change.ravel()
+                # Broyden's update: the run tells how the slope has changed along the step.
+                slope = slope + np.outer(now - residual - slope @ step, step) / (step @ step)
+                values, residual = values + part * change, now
+                progress(f"step {steps}: RMS {1e3 * self._rms(residual):.4g} mm")
+            if gain < (LEAST_GAIN if exact else KEPT_GAIN):
+                if exact:
                     break
-                part, found = 0.4 * part, None
-            if found is None:
-                break
-            before, now = (float(np.linalg.norm(r)) for r in (residual, found[0]))
-            values, (residual, slope) = values + part * change, found
-            progress(f"step {steps}: RMS {1e3 * self._rms(residual):.4g} mm")
-            if now > (1.0 - LEAST_GAIN) * before:
-                break
+                slope, exact = self._slope(values), True
+            else:
+                exact = False
         return self._result(values, steps)
 
+    def _shortened(
+        self, values: np.ndarray, change: np.ndarray, residual: np.ndarray
+    ) -> tuple[float, np.ndarray] | None:
+        """Return the longest part of a change that lowers the distance, and its residual; None where none does."""
+        part = 1.0
+        while part > SHORTEST_PART:
+            with contextlib.suppress(DivergenceError):
+                now = self._residual(values + part * change)
+                if np.sum(now**2) < np.sum(residual**2):
+                    return part, now
+            part *= 0.4
+        return None
+
     def _first_guess(self) -> np.ndarray:
-        """Return fractions at the knots under which the places rest near their targets, by the slopes at the start."""
-        trajectory, m = self._trajectory, len(self._variables)
-        found = self._rest.sensitivity(self._of, [variable.name for variable in self._variables])
-        slope = self._weight[:, None] * found.values[self._rows] * self._range
-        start = np.concatenate([self._rest.pose(name)[0] for name in self._of])[self._rows]
-        inside = np.vstack([np.eye(m), -np.eye(m)])
-        fraction = np.clip((self._present - self._low) / self._range, 0.0, 1.0)
-        bounds = np.concatenate([-fraction, fraction - 1.0])
-        values = []
-        for time in self.knots[1:]:
-            wanted = np.array([np.interp(time, trajectory.time, column) for column in trajectory.value.T])
-            asked = np.isfinite(wanted)
-            matrix = np.vstack([slope[asked], ROUGHNESS * np.eye(m)])
-            right = np.concatenate([(self._weight * (wanted - start))[asked], np.zeros(m)])
-            values.append(fraction + constrained_least_squares(matrix, right, inside, bounds))
-        return np.array(values)
+        """Return fractions at the knots under which the places rest nearest to their targets."""
+        trajectory = self._trajectory
+        columns = [np.interp(self.knots[1:], trajectory.time, column) for column in trajectory.value.T]
+        at = self._rest.operating_point()
+        values = rest_course(at, trajectory.coordinates, self._variables, np.stack(columns, axis=1))
+        return np.array((values - self._low) / self._range)
 
     def _limits(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inequalities G change >= b of bounds and slew rates at values."""
@@ -254,32 +267,16 @@ class _CourseProblem:
         # Rounding must not pass a limit of the scene.
         return np.vstack([self._present, self._low + np.clip(values, 0.0, 1.0) * self._range])
 
-    def _schedule(self, values: np.ndarray) -> tuple[dict[str, object], ...]:
+    def _schedule(self, values: np.ndarray) -> Entries:
         held = self._hats @ self._commands(values)
-        entries = list(self._entry(0.0, self._base, everything=True))
+        schedule = list(entries(0.0, self._base))
+        names = [variable.name for variable in self._variables]
         for time, row in zip(self._times, held, strict=True):
             now = self._base
             for one, value in zip(self._directions, row, strict=True):
                 now = one.apply(now, float(value) - one.present(now))
-            entries += self._entry(float(time), now, everything=False)
-        return tuple(entries)
-
-    def _entry(self, time: float, held: HeldCommands, *, everything: bool) -> tuple[dict[str, object], ...]:
-        kinds = {variable.name.partition(".")[0] for variable in self._variables}
-        frames = {
-            variable.name.split(".")[1] for variable in self._variables if variable.name.startswith("wrench.")
-        }
-        entry: dict[str, object] = {"time": time}
-        if held.chambers and (everything or "pressure" in kinds):
-            entry["pressure"] = [chamber.target for chamber in held.chambers]
-        if held.torque is not None and (everything or "torque" in kinds):
-            entry["torque"] = held.torque.tolist()
-        entries = [entry] if len(entry) > 1 else []
-        for frame, wrench in held.wrenches.items():
-            if everything or frame in frames:
-                part = {"frame": frame, "force": list(wrench.force), "torque": list(wrench.torque)}
-                entries.append({"time": time, "wrench": part})
-        return tuple(entries)
+            schedule += entries(float(time), now, names)
+        return tuple(schedule)
 
     def _at_rest(self, values: np.ndarray) -> Simulation:
         """Return a simulation with the schedule of values, at the rest state under the scene's commands."""
@@ -289,8 +286,12 @@ class _CourseProblem:
         simulation.start_from(state.position, link_angle=state.link_angle)
         return simulation
 
-    def _look(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals [m] and their derivatives by the fractions of the ranges."""
+    def _residual(self, values: np.ndarray) -> np.ndarray:
+        """Return the weighted distances of a run [m]; their squares add up to the mean square."""
+        return np.array((self._scale * (self._run(values) - self._trajectory.value))[self._asked])
+
+    def _slope(self, values: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the residual by the fractions of the ranges, by the tangents of a run."""
         profiles = [
             CommandProfile(
                 f"{variable.name}#{knot}",
@@ -304,22 +305,24 @@ class _CourseProblem:
         run = self._at_rest(values).run_sensitivity(
             self._trajectory.time.tolist(), self._of, profiles, with_error=False
         )
-        residual = self._weight * (run.position[:, self._rows] - self._trajectory.value)
-        slope = self._weight[:, None] * run.values[:, self._rows]
-        slope = slope * np.tile(self._range, len(self.knots) - 1)
-        scale = 1.0 / math.sqrt(len(self._trajectory.time))
-        return scale * residual[self._asked], scale * slope[self._asked]
+        slope = self._scale[:, None] * run.values[:, self._rows] * np.tile(self._range, len(self.knots) - 1)
+        return np.array(slope[self._asked])
 
-    def _rms(self, residual: np.ndarray) -> float:
-        return float(np.sqrt(np.sum(residual**2) / len(self._of)))
-
-    def _result(self, values: np.ndarray, steps: int) -> CommandCourse:
+    def _run(self, values: np.ndarray) -> np.ndarray:
+        """Return the coordinates at the trajectory's times of a run of the scene itself [m]."""
         simulation = self._at_rest(values)
         reached = np.empty((len(self._trajectory.time), len(self._rows)))
         for row, time in enumerate(self._trajectory.time):
             simulation.advance_to(float(time))
             positions = np.concatenate([simulation.pose(name)[0] for name in self._of])
             reached[row] = positions[self._rows]
+        return reached
+
+    def _rms(self, residual: np.ndarray) -> float:
+        return float(np.sqrt(np.sum(residual**2) / len(self._of)))
+
+    def _result(self, values: np.ndarray, steps: int) -> CommandCourse:
+        reached = self._run(values)
         gap = np.where(self._asked, reached - self._trajectory.value, 0.0)
         square = np.stack(
             [

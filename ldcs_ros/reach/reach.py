@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from scipy.optimize import lsq_linear
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.reach.rest_states import RestStates
+from ldcs_ros.reach.schedule import Entries, entries
 from ldcs_ros.reach.shapes import ShapeTarget
 from ldcs_ros.simulation.command_directions import AXES, CommandDirection, OperatingPoint, command_directions
 from ldcs_ros.simulation.sensitivity import positions
@@ -84,6 +86,7 @@ class Reached:
         stable: Whether the rest state is stable.
         steps: Gauss-Newton steps.
         coordinates: Coordinates of the rest state [m, rad].
+        schedule: The commands as entries of a scene's `inputs` at its start, with those that did not vary.
         shape_error: Height of each node of a shape above it, by the order of `ShapeTarget.nodes` [m]; else empty.
         shape_rms: Weighted root mean square of it [m]; 0 without a shape.
     """
@@ -98,6 +101,7 @@ class Reached:
     stable: bool
     steps: int
     coordinates: np.ndarray = field(repr=False)
+    schedule: Entries = field(repr=False)
     shape_error: np.ndarray = field(repr=False)
     shape_rms: float
 
@@ -167,6 +171,34 @@ def reach_from(
     return sorted(found, key=lambda one: one.distance)
 
 
+def rest_course(
+    at: OperatingPoint,
+    targets: Sequence[TargetCoordinate],
+    variables: Sequence[Variable],
+    wanted: np.ndarray,
+) -> np.ndarray:
+    """Return values of the variables under which targets rest nearest to their values, one row after the other.
+
+    Args:
+        at: The state to begin at.
+        targets: Coordinates; their own values are not used.
+        variables: What may vary.
+        wanted: Values of the coordinates [m], shape (n, n_targets); NaN where one is open.
+
+    Returns:
+        Shape (n, n_variables). Rows without a rest state near repeat the one before.
+    """
+    values = np.array([command.present(at.held) for command in commands_of(at, variables)])
+    problem = _Problem(at, targets, variables, None)
+    rows = []
+    for row in wanted:
+        problem.aim_at(row)
+        with contextlib.suppress(DivergenceError):
+            values = np.array(list(problem.solve(problem.fractions(values)).commands.values()))
+        rows.append(values)
+    return np.array(rows)
+
+
 def commands_of(at: OperatingPoint, variables: Sequence[Variable]) -> list[CommandDirection]:
     """Return the command of each variable.
 
@@ -209,6 +241,11 @@ class _Problem:
         self._weight = np.array([target.weight for target in targets])
         self._low = np.array([variable.low for variable in variables])
         self._range = np.array([variable.high for variable in variables]) - self._low
+
+    def aim_at(self, wanted: np.ndarray) -> None:
+        """Take other values of the targets [m], shape (n_targets,); NaN where one is open."""
+        self._wanted = np.where(np.isfinite(wanted), wanted, 0.0)
+        self._weight = np.where(np.isfinite(wanted), [target.weight for target in self._targets], 0.0)
 
     def fractions(self, values: np.ndarray) -> np.ndarray:
         """Return values of the variables as fractions of their ranges, within the bounds, shape (n_variables,)."""
@@ -306,6 +343,7 @@ class _Problem:
             stability.is_stable,
             steps,
             states.q.copy(),
+            entries(0.0, states.held(states.values)),
             np.empty(0) if self._shape is None else self._shape.error(states.q),
             0.0 if self._shape is None else float(np.linalg.norm(self._shape.residual(states.q))),
         )

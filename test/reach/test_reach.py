@@ -126,6 +126,24 @@ def test_the_verb_prints_commands_under_their_names(scene_file, tmp_path, capsys
     assert "held by bounds" in capsys.readouterr().out
 
 
+def test_the_bag_of_the_verb_holds_the_rest_state_under_its_commands(scene_file, tmp_path, capsys):
+    words = ["reach", scene_file, "--target", "P1.z=0.02", "--target", "P2.z=0.03"]
+    bag = tmp_path / "rest"
+    assert main([*words, "--vary", "pressure.*=0..190e3", "--json", "--bag", str(bag)]) in (0, 1)
+    found = json.loads(capsys.readouterr().out)
+    assert main(["export", str(bag), "-o", str(tmp_path / "rest.csv"), "--json"]) == 0
+    header, row, *_ = (tmp_path / "rest.csv").read_text().splitlines()
+    held = dict(zip(header.split(","), row.split(","), strict=True))
+    for place, z in found["coordinates"].items():
+        assert float(held[f"{place} [m]"]) == pytest.approx(z, abs=1e-8)
+    for name, value in found["commands"].items():
+        assert float(held[name.replace("pressure", "pressure_command") + " [Pa]"]) == pytest.approx(value)
+    capsys.readouterr()
+    assert main(["replay", str(bag), "--bag", str(tmp_path / "again"), "--json"]) == 0
+    # A folder that exists is not overwritten.
+    assert main([*words, "--vary", "pressure.*=0..190e3", "--bag", str(bag)]) == 2
+
+
 @pytest.mark.parametrize(
     "words",
     [
