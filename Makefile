@@ -58,6 +58,10 @@ viewer: setup  ## install the viewer of `ldcs view` (half a gigabyte) and check 
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/view.lock
 	@source tools/environment.sh && exec $(BIN)/python -m pytest -q test/viewing
 
+cluster: setup  ## install Dask, and run sweeps and a study on a local cluster of it
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes --requirement requirements/cluster.lock
+	@source tools/environment.sh && exec $(BIN)/python -m pytest -q -k "dask or scheduler or worker" test/sweep test/study
+
 soak: setup  ## run the live node for an hour at 200 Hz, write docs/under_load.md: SECONDS=60 for a short one, into out/
 	@$(LOAD) soak
 
@@ -143,4 +147,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test reduced reach bench lint hard viewer soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test reduced reach bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

@@ -21,6 +21,7 @@ compile() {
 
 compile setup.py requirements/core.lock --extra dev --extra rig --extra data --extra rl --constraint requirements/constraints.txt
 compile requirements/ros.in requirements/ros.lock --constraint requirements/core.lock
+compile requirements/cluster.in requirements/cluster.lock --constraint requirements/core.lock
 compile requirements/view.in requirements/view.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/colcon.in requirements/colcon.lock --constraint requirements/core.lock --constraint requirements/ros.lock
 compile requirements/coverage.in requirements/coverage.lock --constraint requirements/core.lock

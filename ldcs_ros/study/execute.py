@@ -13,6 +13,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from ldcs_ros import extras
+from ldcs_ros.errors import one_line
 from ldcs_ros.study.rows import Row, StudyError, Table, Task
 from ldcs_ros.study.tasks import perform, reference
 
@@ -66,7 +67,7 @@ def cluster(address: str) -> Iterator[Submit]:
 
     Raises:
         MissingPackageError: dask.distributed is not installed.
-        StudyError: No scheduler answers at the address.
+        StudyError: No scheduler answers at the address, or workers died.
     """
     distributed = extras.load("distributed", extra="cluster", purpose="--scheduler")
     try:
@@ -85,7 +86,18 @@ def cluster(address: str) -> Iterator[Submit]:
         def submit(calls: Sequence[Callable[[], Result]]) -> Iterator[tuple[int, Result]]:
             pending = {client.submit(call, one, pure=False): index for index, one in enumerate(calls)}
             for future in distributed.as_completed(pending):
-                yield pending[future], future.result()
+                try:
+                    result = future.result()
+                except (
+                    distributed.KilledWorker,
+                    distributed.CancelledError,
+                    distributed.comm.CommClosedError,
+                ) as error:
+                    raise StudyError(
+                        f"the cluster lost a call ({one_line(error)[:200]}); finished rows are kept: run the same "
+                        "command again to continue"
+                    ) from error
+                yield pending[future], result
 
         yield submit
 

@@ -6,6 +6,7 @@ import csv
 import importlib.util
 import json
 import os
+import sys
 from functools import partial
 
 import pytest
@@ -108,14 +109,14 @@ def test_measuring_a_preset_again_leaves_the_rows_of_others(undrawn, capsys, tmp
     assert len(rows) == 5 and not list(tmp_path.glob("*.new"))
 
 
-@pytest.mark.skipif(importlib.util.find_spec("distributed") is not None, reason="dask.distributed is here")
-def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path):
+def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
     status, _, error = study(capsys, tmp_path, "--scheduler", "local")
     assert status == 2 and "-m pip install distributed" in error
 
 
 @pytest.mark.skipif(
-    importlib.util.find_spec("distributed") is None, reason="dask.distributed is an optional extra"
+    importlib.util.find_spec("distributed") is None, reason="dask.distributed is not installed: make cluster"
 )
 def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--scheduler", "local")

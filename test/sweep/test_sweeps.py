@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
+import os
 import sys
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.cli.main import main
+from ldcs_ros.study.execute import workers
+from ldcs_ros.study.rows import StudyError
 from ldcs_ros.sweep import Design, Factor, Sweep, SweepError, run_sweep
 
 
@@ -142,6 +147,39 @@ def test_processes_give_the_same_bytes_as_one(tmp_path, capsys):
     run_sweep(Sweep(SMALL, design, ("P1.z",)), tmp_path / "one.csv")
     one, two = (sorted((tmp_path / name).read_text().splitlines()) for name in ("one.csv", "two.csv"))
     assert one == two
+
+
+needs_dask = pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="dask.distributed is not installed: make cluster"
+)
+
+
+@needs_dask
+@pytest.mark.timeout(240)
+def test_a_local_dask_cluster_gives_the_same_bytes_as_one_process(tmp_path, capsys):
+    words = ["rig", "--set", "lattice.nodes=[3,3]", "--settle", "--measure", "P1.z"]
+    words += ["--over", "effects.payload.mass=0.01..0.05:20"]
+    status, _, error = sweep(capsys, *words, "--scheduler", "local", "-o", tmp_path / "two.csv")
+    assert status == 0, error
+    design = Design((Factor("effects.payload.mass", 0.01, 0.05, 20),))
+    run_sweep(Sweep(SMALL, design, ("P1.z",)), tmp_path / "one.csv")
+    one, two = (sorted((tmp_path / name).read_text().splitlines()) for name in ("one.csv", "two.csv"))
+    assert one == two
+
+
+@needs_dask
+@pytest.mark.parametrize("address", ["cluster", "tcp://127.0.0.1:9"])
+def test_a_scheduler_that_does_not_answer_is_told_in_one_line(tmp_path, capsys, address):
+    words = ["rig", "--over", "effects.payload.mass=0.01..0.05:2", "--measure", "P1.z", "--settle"]
+    status, _, error = sweep(capsys, *words, "--scheduler", address, "-o", tmp_path / "t.csv")
+    assert status == 2 and f"no Dask scheduler answers at '{address}'" in error
+
+
+@needs_dask
+@pytest.mark.timeout(240)
+def test_a_worker_that_dies_at_a_call_is_told_with_the_way_on():
+    with pytest.raises(StudyError, match="run the same command again"), workers(1, "local") as submit:
+        list(submit([partial(os._exit, 1)]))
 
 
 def test_without_dask_a_scheduler_is_refused_with_the_way_out(tmp_path, capsys, monkeypatch):
