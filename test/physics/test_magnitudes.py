@@ -12,8 +12,10 @@ from ldcs_ros.errors import CommandError
 from ldcs_ros.physics.effects import effect_class
 from ldcs_ros.physics.inputs import NO_INPUTS, ChamberPressure, HeldCommands, Wrench
 from ldcs_ros.physics.lattice import Lattice
+from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import point_at
+from ldcs_ros.physics.rotation import best_rotation
 
 # 2 x 3 cells of 50 mm x 40 mm, 10 mm thick, 240 g on 24 nodes: 10 g a node.
 LATTICE = Lattice((0.10, 0.12, 0.01), (3, 4), 0.24)
@@ -295,3 +297,56 @@ def test_the_kinetic_energy_of_the_arms_is_that_of_the_centres_of_their_links_an
     assert model.kinetic_energy(q, u) == pytest.approx(expected)
     u[0] = 3.0
     assert model.kinetic_energy(q, u) == pytest.approx(expected + 0.5 * 0.01 * 9.0)
+
+
+@pytest.mark.parametrize("poisson", [1.0 / 3.0, 0.45])
+def test_a_stretched_sheet_of_a_material_has_the_stiffness_of_plane_stress(poisson):
+    modulus, (length, width, thickness) = 2e5, (0.09, 0.12, 0.01)
+    lattice = Lattice((length, width, thickness), (4, 5), 0.1)
+    material = Material(youngs_modulus=modulus, poisson=poisson, density=1000.0)
+    stiffness = material.stiffness(lattice)
+    first, last = lattice.springs.T
+    along = lattice.reference_position[last] - lattice.reference_position[first]
+    # A spring of a uniform strain (xx, yy, zz) becomes longer by (x^2, y^2, z^2) . strain / length.
+    longer = along**2 / np.linalg.norm(along, axis=1)[:, None]
+    energy = np.einsum("s,si,sj->ij", stiffness, longer, longer)
+    # The sheet is free to become thinner.
+    plane = energy[:2, :2] - np.outer(energy[:2, 2], energy[2, :2]) / energy[2, 2]
+    membrane = modulus * thickness / (1.0 - poisson**2) * np.array([[1.0, poisson], [poisson, 1.0]])
+    np.testing.assert_allclose(plane, length * width * membrane, rtol=1e-9)
+
+
+def test_a_spring_has_the_mean_of_the_cells_that_hold_both_of_its_ends():
+    lattice = Lattice((0.2, 0.2, 0.01), (3, 3), 0.1)
+    cells = np.array([[1.0, 2.0], [4.0, 8.0]])
+    mean = dict(zip(map(tuple, lattice.springs.tolist()), lattice.mean_of_cells(cells), strict=True))
+
+    def between(first, last):
+        return mean[tuple(sorted((lattice.node("bottom", *first), lattice.node("bottom", *last))))]
+
+    # On a side, between two cells along x and along y, and across one cell.
+    assert between((0, 0), (1, 0)) == 1.0 and between((1, 2), (2, 2)) == 8.0
+    assert between((0, 1), (1, 1)) == 1.5 and between((1, 1), (2, 1)) == 6.0
+    assert between((1, 0), (1, 1)) == 2.5 and between((1, 1), (1, 2)) == 5.0
+    assert between((0, 0), (1, 1)) == 1.0 and between((1, 1), (2, 0)) == 4.0
+    # Straight across the sheet in the middle: all four.
+    middle = tuple(sorted((lattice.node("bottom", 1, 1), lattice.node("top", 1, 1))))
+    assert mean[middle] == 3.75
+
+
+def test_gravity_is_981_of_the_nodes_mass_where_a_scene_says_no_more():
+    model = model_of(("gravity", {}))
+    force = force_of(model).reshape(-1, 3)
+    np.testing.assert_allclose(force[:, 2].sum(), -0.24 * 9.81, rtol=1e-12)
+    assert not force[:, :2].any()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("angle", [np.pi, 3.0, -2.5, 0.1])
+def test_the_best_rotation_of_a_turned_set_is_its_turn(axis, angle):
+    a, b = [k for k in range(3) if k != axis]
+    turn = np.eye(3)
+    turn[[a, a, b, b], [a, b, a, b]] = [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
+    found = np.empty((3, 3))
+    best_rotation(turn @ np.diag([1.0, 2.0, 3.0]), found)
+    np.testing.assert_allclose(found, turn, atol=1e-12)
