@@ -9,13 +9,14 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError
+from ldcs_ros.physics.curves import fill_arc
 from ldcs_ros.physics.effects import effect_class
 from ldcs_ros.physics.inputs import NO_INPUTS, ChamberPressure, HeldCommands, Wrench
 from ldcs_ros.physics.lattice import Lattice
 from ldcs_ros.physics.material import Material
 from ldcs_ros.physics.model import Model
 from ldcs_ros.physics.points import point_at
-from ldcs_ros.physics.rotation import best_rotation
+from ldcs_ros.physics.rotation import best_rotation, fill_cross
 
 # 2 x 3 cells of 50 mm x 40 mm, 10 mm thick, 240 g on 24 nodes: 10 g a node.
 LATTICE = Lattice((0.10, 0.12, 0.01), (3, 4), 0.24)
@@ -350,3 +351,27 @@ def test_the_best_rotation_of_a_turned_set_is_its_turn(axis, angle):
     found = np.empty((3, 3))
     best_rotation(turn @ np.diag([1.0, 2.0, 3.0]), found)
     np.testing.assert_allclose(found, turn, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.05, 0.0999, 0.1001, 1.2])
+def test_places_on_an_arc_are_those_of_the_circle_and_their_rates_its_slopes(angle):
+    along, height, kappa_rate = 0.14, 0.02, 3.0
+    kappa = angle / along
+    place, rate = np.empty((2, 1, 3))
+    fill_arc(np.array([along]), np.array([0.03]), np.array([height]), kappa, kappa_rate, place, rate)
+    # The middle of the circle is at (0, 1 / kappa); half angles keep the digits.
+    x, z = np.sin(angle) / kappa, 2.0 * np.sin(0.5 * angle) ** 2 / kappa
+    expected = [x - height * np.sin(angle), 0.03, z + height * np.cos(angle)]
+    np.testing.assert_allclose(place[0], expected, rtol=1e-13)
+    # The same in 19 digits on both sides of the curvature gives the slope.
+    wide = np.longdouble(along) * (np.longdouble(kappa) + np.array([-1e-5, 1e-5], np.longdouble))
+    arc = np.array([np.sin(wide), 2.0 * np.sin(0.5 * wide) ** 2]) * along / wide
+    ends = arc + height * np.array([-np.sin(wide), np.cos(wide)])
+    slope = ((ends[:, 1] - ends[:, 0]) / np.longdouble(2e-5)).astype(float)
+    np.testing.assert_allclose(rate[0, [0, 2]], kappa_rate * slope, rtol=1e-9)
+
+
+def test_the_matrix_of_a_cross_product_overwrites_whatever_was_there():
+    v, w, out = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.0]), np.full((3, 3), 7.0)
+    fill_cross(v, 2.0, out)
+    np.testing.assert_allclose(out @ w, 2.0 * np.cross(v, w), rtol=1e-14)
