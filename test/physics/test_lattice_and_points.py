@@ -73,3 +73,11 @@ def test_a_frame_turns_with_the_sheet(name):
 def test_quaternions_of_half_turns_are_unit_and_exact():
     for axis in np.eye(3):
         np.testing.assert_allclose(np.abs(quaternion(_rotation(axis, np.pi))[:3]), np.abs(axis), atol=1e-12)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.0, -0.07), (0.14, 0.07), (0.07, 0.069)])
+def test_a_sheet_covers_its_outline_and_nothing_beyond(x, y):
+    assert PAPER.covers(x, y)
+    assert not PAPER.covers(x - 0.1401, y) and not PAPER.covers(x + 0.1401, y)
+    assert not PAPER.covers(x, y + 0.1401) and not PAPER.covers(x, y - 0.1401)
+    assert not PAPER.covers(x, 0.0701) and not PAPER.covers(x, -0.0701)

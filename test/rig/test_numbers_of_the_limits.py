@@ -120,3 +120,7 @@ def test_the_output_stage_slews_at_most_half_a_period_more_than_the_gate(clock):
         limiter.set_target((90e3, 90e3), 1, clock())
         clock.pass_time(0.01)
         assert limiter.next() == pytest.approx((expected, expected))
+    for expected in (6e3, 3e3, 0.0, 0.0):
+        limiter.set_target((0.0, 0.0), 1, clock())
+        clock.pass_time(0.01)
+        assert limiter.next() == pytest.approx((expected, expected))
