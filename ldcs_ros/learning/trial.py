@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -20,6 +20,7 @@ class Trial:
     Attributes:
         steps: Steps of all environments together, resets included.
         seconds: Wall time of them [s].
+        cpu: CPU time of this process meanwhile [s]; all of it without processes of the environments' own.
         period: Simulated time of a step [s].
         distances: Distance of point and target at the end of each finished episode [m].
         successes: Finished episodes that succeeded.
@@ -28,6 +29,7 @@ class Trial:
 
     steps: int
     seconds: float
+    cpu: float
     period: float
     distances: tuple[float, ...]
     successes: int
@@ -76,7 +78,7 @@ def run_trial(
     vector = make_vector(environments, processes=processes, task=task, scene=scene)
     try:
         observation, _ = vector.reset(seed=seed)
-        started = perf_counter()
+        started, worked = perf_counter(), process_time()
         for step in range(steps):
             observation, _, ended, truncated, info = vector.step(policy(observation))
             distances += np.asarray(info["distance"], dtype=float)[truncated].tolist()
@@ -84,7 +86,7 @@ def run_trial(
                 successes += int(np.asarray(info["is_success"])[truncated].sum())
             terminated += int(ended.sum())
             progress((step + 1) / steps)
-        seconds = perf_counter() - started
+        seconds, cpu = perf_counter() - started, process_time() - worked
     finally:
         vector.close()
-    return Trial(environments * steps, seconds, single.period, tuple(distances), successes, terminated)
+    return Trial(environments * steps, seconds, cpu, single.period, tuple(distances), successes, terminated)

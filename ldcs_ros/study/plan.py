@@ -25,6 +25,9 @@ ORDER_STEPS = {
 }
 
 
+LEARNING = Task("learning", "rig", 9, "all", "steps", 240.0, weight=5.0)
+
+
 def quick() -> list[Task]:
     """Return the preset of two minutes: 9 x 9 in full, less of 17 x 17 and 33 x 33, without SciPy there."""
     return [
@@ -55,6 +58,7 @@ def quick() -> list[Task]:
         *_spatial((5, 9, 17, 33)),
         *_scaling((17, 33)),
         *_rates((SMOOTH, 100.0), ("arc_pushed",)),
+        LEARNING,
     ]
 
 
@@ -116,7 +120,7 @@ def full() -> list[Task]:
         Task("effect", scene, 9, "esdirk43", "leave out", 0.0, weight=4.0) for scene in ("rig", "paper")
     ]
     tasks += _spatial((5, 9, 17, 33, 65))
-    tasks += _rates((10.0, 50.0, 200.0))
+    tasks += [*_rates((10.0, 50.0, 200.0)), LEARNING]
     # A task that the targets contain, too, is measured once, in the targets' order.
     once: dict[Key, Task] = {}
     for task in tasks:

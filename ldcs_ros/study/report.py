@@ -55,6 +55,7 @@ def report(rows: Sequence[Row], *, machine: dict[str, str], commands: Sequence[s
         "What effects cost": _effects,
         "Large lattices": _large_lattices,
         "Commands at a rate": command_rate_section,
+        "Environments for learning": _learning,
         "The lattice's own error": _spatial,
         "Orders on the stiff sheet": _orders,
         "Without a result": _failures,
@@ -252,6 +253,22 @@ def command_rate_section(rows: Sequence[Row]) -> Iterator[str]:
     )
     labels = (f"{label} [ms]" for label in NAMES.values())
     yield markdown_table((*head, "factorings per second", *labels), lines)
+
+
+def _learning(rows: Sequence[Row]) -> Iterator[str]:
+    lines = []
+    for row in rows:
+        if row.kind == "learning" and not row.failure:
+            _, period, _, solved = row.extra.split(maxsplit=3)
+            step = row.cpu * float(period)
+            speed = (f"{1e3 * step:.2f}", f"{1.0 / step:.0f}", f"{1.0 / row.cpu:.1f}")
+            lines.append((row.method, f"`{row.scene}`", *speed, solved))
+    if lines:
+        yield "The baseline in one environment, its resets included; `ldcs gym` measures several processes."
+        yield markdown_table(
+            ("task", "scene", "CPU of a step [ms]", "steps per CPU s", "times real time", "episodes solved"),
+            lines,
+        )
 
 
 def _spatial(rows: Sequence[Row]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from ldcs_ros.simulation.statistics import Statistics
 
 BASELINE, SCIPY = "compiled_rkc2", ("scipy_BDF", "scipy_Radau")
 METHODS_APART = (BASELINE, *SCIPY)
-MANY_ROWS = ("accuracy", "effect", "rate")
+MANY_ROWS = ("accuracy", "effect", "rate", "learning")
 Key = tuple[str, str, int, str, str, str]
 
 
@@ -29,7 +29,8 @@ class Row:
     Attributes:
         kind: 'curve' (a point of a work-precision diagram), 'accuracy' (asked against real accuracy), 'effect' (cost
             of an effect), 'spatial' (error of the lattice itself), 'scaling' (cost and memory by lattice size), 'rate'
-            (commands at a rate), 'verified' (cost of a verified run), 'check' (the reference against another solver).
+            (commands at a rate), 'verified' (cost of a verified run), 'learning' (steps of environments), 'check'
+            (the reference against another solver).
         scene: Problem by name.
         nodes: Nodes along a side.
         method: Integrator, or a solver of another origin.

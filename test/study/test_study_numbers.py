@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,6 +86,15 @@ def test_the_real_error_is_measured_for_each_accuracy(monkeypatch):
     assert not accuracy_summary([*rows * 10, large]).met
 
 
+def test_steps_of_environments_have_their_cost_and_their_episodes():
+    pytest.importorskip("gymnasium", reason="the extra [rl] is not installed")
+    rows = tasks.perform(replace(plan.LEARNING, value=60.0))
+    assert [row.method for row in rows] == ["reach", "follow"] and not any(row.failure for row in rows)
+    assert all(0.0 < row.cpu < 60.0 and row.extra == "period 0.05 solved 1 of 1" for row in rows)
+    page = report(rows, machine={}, commands=["it"], picture="x.png")
+    assert "| reach | `rig` |" in page and "1 of 1" in page
+
+
 def test_spatial_rows_place_the_points_of_a_material_on_lattices_of_all_sizes():
     rows = [perform(Task("spatial", "arc_material", n, "esdirk43", "accuracy", 1e-4))[0] for n in (5, 9)]
     assert all(len(row.extra.split()) == 4 * 2 * 3 or not row.failure for row in rows)
@@ -131,7 +141,7 @@ def test_presets_name_only_what_there_is():
     for tasks_of in plan.PRESETS.values():
         listed = tasks_of()
         assert len({task.key for task in listed}) == len(listed)
-        named = {task.method for task in listed if task.kind != "rate"}
+        named = {task.method for task in listed if task.kind not in ("rate", "learning")}
         assert named <= {*INTEGRATORS, *METHODS_APART, "auto"}
         for scene in {task.scene for task in listed}:
             assert drive_problem(scene) if scene in DRIVEN else content_of(scene)

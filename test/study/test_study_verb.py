@@ -118,6 +118,7 @@ def test_without_dask_a_scheduler_is_refused_with_the_way_out(capsys, tmp_path, 
 @pytest.mark.skipif(
     importlib.util.find_spec("distributed") is None, reason="dask.distributed is not installed: make cluster"
 )
+@pytest.mark.timeout(240)
 def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--scheduler", "local")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
