@@ -65,18 +65,20 @@ class ErrorState:
         u: Of their rates, same shape.
         distance: Of the worst node, at this time or inside the step that led here [m].
         outlook: Distance that it will reach at the worst node as its velocities act [m].
+        speed: Of the worst node, at this time or inside the step that led here [m/s].
     """
 
     q: np.ndarray
     u: np.ndarray
     distance: float = 0.0
     outlook: float = 0.0
+    speed: float = 0.0
 
     def toward(self, end: ErrorState, h: float, s: float) -> ErrorState:
         """Return the error at the fraction s of the step of length h [s] that leads to `end`."""
         q = (1.0 - s) ** 2 * ((1.0 + 2.0 * s) * self.q + s * h * self.u)
         q += s**2 * ((3.0 - 2.0 * s) * end.q - (1.0 - s) * h * end.u)
-        return ErrorState(q, (1.0 - s) * self.u + s * end.u, end.distance, end.outlook)
+        return ErrorState(q, (1.0 - s) * self.u + s * end.u, end.distance, end.outlook, end.speed)
 
 
 @dataclass(frozen=True)

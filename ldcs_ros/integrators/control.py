@@ -47,8 +47,8 @@ COMMAND_INTERVAL = 0.02
 # Inside a step the quintic is off by about this share of its last coefficient, twice over (measured on `arc` and
 # `single_spring`); such an error does not add up.
 BEND_SHARE = 1.0 / 8.0
-# A loose sheet goes on with wrong momenta for this long [s], where nothing corrects them.
-COASTING = 2.0
+# A loose sheet goes on with wrong momenta, where nothing puts them right, for at least and at most this long [s].
+COASTING = 2.0, 20.0
 # A motion without damping is taken to be followed for this long [s].
 HORIZON = 10.0
 # Steps of a fixed length have no accuracy to iterate to: their stages are solved to this [m].
@@ -67,6 +67,7 @@ class Pace:
         ceiling: Largest step to try, since a longer one did not converge lately [s].
         error: What is remembered of the errors of steps without transport, by the method's own estimates [m].
         inside: Estimated error of the curve inside the last step, if that was one of them [m].
+        speed: Estimated error of the velocities of that step [m/s].
         opening: Step to take right after a command: what the last such step recommends [s].
         errors: The transported error, and before it that at the start of the last step if it was transported over it;
             empty if the method has none.
@@ -76,6 +77,7 @@ class Pace:
     ceiling: float = math.inf
     error: float = 0.0
     inside: float = 0.0
+    speed: float = 0.0
     opening: float = math.inf
     errors: tuple[ErrorState, ...] = ()
 
@@ -84,6 +86,12 @@ class Pace:
         """Estimated error of the worst node's position now [m]."""
         transported = TRANSPORT_FACTOR * self.errors[-1].distance if self.errors else 0.0
         return transported + ESTIMATE_FACTOR * self.error + self.inside
+
+    @property
+    def velocity_estimate(self) -> float:
+        """Estimated error of the worst node's velocity now [m/s]."""
+        transported = TRANSPORT_FACTOR * self.errors[-1].speed if self.errors else 0.0
+        return transported + ESTIMATE_FACTOR * self.speed
 
     def left_at(self, step: Step, time: float) -> Pace:
         """Return the pace for a motion that leaves the last step at a time [s] inside it."""
@@ -151,18 +159,17 @@ class AdaptiveSteps:
                 h, rejected = h * failure.remedy, True
                 continue
             inside = BEND_SHARE * self.integrator.largest_displacement(step.bend(self.integrator.model))
-            # The transport corrects momenta, but for those of an impact.
-            coasted = COASTING * step.drift if self._has_contact else 0.0
-            drift = coasted / (room * LOCAL_SHARE * self.accuracy)
-            ratio = max(step.error / tolerance, drift, inside / self.accuracy, 1e-6)
+            ratio = max(step.error / tolerance, inside / self.accuracy, 1e-6)
             if ratio <= 1.0:
                 step, errors = self._transported(step, inputs, pace.errors[-1:], stop)
+                ratio = max(ratio, self._coasted(step) / (room * LOCAL_SHARE * self.accuracy))
                 added = errors[1].outlook - errors[0].outlook if len(errors) > 1 else 0.0
                 allowed = room * STEP_FRACTION * BUDGET * self.accuracy
                 is_hopeless = room <= LEAST_ROOM or LEAST_GAIN * added > added_before
-                if added <= allowed or is_hopeless or h < 10.0 * SMALLEST_STEP:
+                is_small = added <= allowed or is_hopeless or h < 10.0 * SMALLEST_STEP
+                if is_small and ratio <= 1.0:
                     break
-                ratio, added_before = added / allowed, added
+                ratio, added_before = max(ratio, added / allowed), added
             self.integrator.counters.rejected_steps += 1
             self.integrator.counters.steps -= 1
             h, rejected = h * max(0.1, SAFETY * ratio**-self._power), True
@@ -180,16 +187,28 @@ class AdaptiveSteps:
         first = grown if opening else pace.opening
         step = _landed(step, stop) if clipped else step
         if len(errors) > 1:
-            inside = 0.0
+            inside = speed = 0.0
         else:
-            error += step.error + COASTING * step.drift
+            speed = step.rate_error
+            error += step.error + COASTING[0] * step.drift
         h = min(grown, ceiling, LARGEST_STEP)
-        return step, Pace(h, ceiling * CEILING_GROWTH, error, inside, first, errors)
+        return step, Pace(h, ceiling * CEILING_GROWTH, error, inside, speed, first, errors)
 
     def _room(self, errors: tuple[ErrorState, ...]) -> float:
         """Return the fraction of the budget that the outlook of a transported error leaves, at least LEAST_ROOM."""
         used = errors[-1].outlook / (BUDGET * self.accuracy) if errors else 0.0
         return max(1.0 - used, LEAST_ROOM)
+
+    def _coasted(self, step: Step) -> float:
+        """Return the distance [m] that a step adds to where a loose sheet coasts with errors of its momenta.
+
+        Impacts are short: their errors are no rate per second, and count as they are. Those of smooth steps add up
+        over the time that the sheet coasts, which is taken to be as long again as the run has lasted.
+        """
+        if self._has_contact:
+            return COASTING[0] * step.drift
+        h, time = step.right.time - step.left.time, min(max(step.right.time, COASTING[0]), COASTING[1])
+        return time * max(time / h, 1.0) * step.drift
 
     def _transported(
         self, step: Step, inputs: HeldCommands, errors: tuple[ErrorState, ...], stop: float

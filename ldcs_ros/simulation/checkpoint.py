@@ -28,6 +28,7 @@ class Checkpoint:
         integrator: State of the integrator, of its own class.
         counters: Cost of the run so far.
         error_estimate: Largest estimated error of a node position so far [m].
+        velocity_estimate: Largest estimated error of a node velocity so far [m/s].
         finer: State of the finer solution of a verified run; None otherwise.
     """
 
@@ -43,4 +44,5 @@ class Checkpoint:
     integrator: object
     counters: Counters
     error_estimate: float
+    velocity_estimate: float
     finer: State | None = None

@@ -199,6 +199,7 @@ class Simulation(ReadableSimulation):
             self.integrator.memory,
             replace(self.integrator.counters),
             self.statistics.error_estimate,
+            self.statistics.velocity_estimate,
         )
         return State(
             time=self.time,
@@ -374,7 +375,9 @@ class Simulation(ReadableSimulation):
             pace = replace(pace, h=min(pace.h, longest))
         self._step = step
         self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
-        self.statistics.error_estimate = max(self.statistics.error_estimate, pace.estimate)
+        spent = self.statistics
+        spent.error_estimate = max(spent.error_estimate, pace.estimate)
+        spent.velocity_estimate = max(spent.velocity_estimate, pace.velocity_estimate)
 
     def _take_commands(self) -> None:
         # A command acts now: the step beyond now is dropped, and the smooth part of the acceleration stays.
@@ -431,6 +434,7 @@ class Simulation(ReadableSimulation):
         self.integrator.recall(checkpoint.integrator)
         self.integrator.counters = replace(checkpoint.counters)
         self.statistics.error_estimate = checkpoint.error_estimate
+        self.statistics.velocity_estimate = checkpoint.velocity_estimate
         self._count(0.0)
 
     def _count(self, wall_time: float) -> None:

@@ -16,6 +16,7 @@ class Statistics:
         factorisations: Matrices factored.
         solves: Linear systems solved.
         error_estimate: Largest estimated error of a node position so far [m]; 0 with a fixed step.
+        velocity_estimate: Largest estimated error of a node velocity so far [m/s]; 0 with a fixed step.
         wall_time: Time spent in `advance_to` [s].
     """
 
@@ -25,6 +26,7 @@ class Statistics:
     factorisations: int = 0
     solves: int = 0
     error_estimate: float = 0.0
+    velocity_estimate: float = 0.0
     wall_time: float = 0.0
 
     def as_dict(self) -> dict[str, float]:

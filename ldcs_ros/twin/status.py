@@ -8,7 +8,7 @@ from ldcs_ros.messages.diagnostics import OK, WARN, Status
 from ldcs_ros.twin.commands import Commands
 from ldcs_ros.twin.watchdog import Watchdog
 
-_UNITS = {"wall_time": "s", "error_estimate": "m"}
+_UNITS = {"wall_time": "s", "error_estimate": "m", "velocity_estimate": "m/s"}
 
 
 def _with_unit(name: str) -> str:

@@ -93,11 +93,13 @@ def test_the_counts_of_a_run_are_those_of_its_steps():
     )
     assert counts.factorisations >= 1 and counts.wall_time > 0.0
     assert 0.0 < counts.error_estimate < 1e-5
+    assert counts.velocity_estimate > 0.0
     steps, wall = counts.steps, counts.wall_time
     simulation.advance_to(0.4)
     assert simulation.statistics.steps > steps and simulation.statistics.wall_time > wall
     assert set(counts.as_dict()) == {
-        "steps", "rejected_steps", "evaluations", "factorisations", "solves", "error_estimate", "wall_time",
+        "steps", "rejected_steps", "evaluations", "factorisations", "solves", "error_estimate", "velocity_estimate",
+        "wall_time",
     }  # fmt: skip
 
 

@@ -8,11 +8,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.base import Counters, ErrorState, Step
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates
 from ldcs_ros.integrators.implicit.error_kernels import (
     INNER,
-    INNER_WEIGHT,
     apply_stage,
     column_spins,
     finish_stage,
@@ -65,8 +65,8 @@ class ErrorTransport:
     first moment of the residual r. Three implicit stages of one solve each advance e; their diagonal is that of the
     factors, whatever the step's length. Each column of nodes has its residual in axes that turn with it at a constant
     rate: a force along a stiff spring must not push across it where the spring has turned. A sheet that nothing holds
-    has its error in axes that turn with the whole sheet, too. Without contact its momenta are those that the forces
-    along the step give them, and those of e follow the forces on e: what the stages got wrong of them is taken out.
+    has its error in axes that turn with the whole sheet, too. While no force has a moment about its centre of mass, the
+    angular momentum that the stages got wrong is put right in the step and in e: nothing would forget it.
     """
 
     def __init__(self, system: LinearSystem) -> None:
@@ -74,9 +74,7 @@ class ErrorTransport:
         self._is_loose = self._model.is_unconstrained
         self._is_viscous = not self._is_loose and self._model.relaxation_time > UNRESOLVED_STEP
         self._no_spin = np.zeros((0, 3))
-        touches = min(term.contact_width for term in self._model.terms) < math.inf
-        # Lobatto's rule does not integrate the impulse of an impact.
-        self._momenta = Momenta(self._model) if self._is_loose and not touches else None
+        self._momenta = Momenta(self._model) if self._is_loose else None
 
     def initial(self) -> ErrorState:
         """Return the error of a given start: none."""
@@ -106,9 +104,12 @@ class ErrorTransport:
             counters: Where evaluations and solves are counted.
         """
         angle, column_spin = self._column_spin(step)
-        # Momenta that the forces along the step and those on its error give, by Lobatto's and the stages' rule.
-        given = np.zeros((2, 2, 3))
-        carried = self._transport(step, inputs, error, factors, updates, column_spin, given)
+        turning: list[bool] = []
+        try:
+            carried = self._transport(step, inputs, error, factors, updates, column_spin, turning)
+        except DivergenceError:
+            # The error is so large that its place is no shape of a sheet.
+            carried = ErrorState(np.full_like(error.q, math.inf), error.u)
         counters.evaluations += 5
         counters.solves += 3
         h = step.right.time - step.left.time
@@ -120,36 +121,23 @@ class ErrorTransport:
             most_u = MAX_GROWTH * (u + q / h) + MAX_LOCAL * step.rate_error
         new_q, new_u = self.size(carried.q), self.size(carried.u)
         if not new_q + new_u < math.inf:
-            return step, ErrorState(error.q, error.u, most_q)
+            return step, ErrorState(error.q, error.u, most_q, speed=most_u)
         scale = min(1.0, most_q / max(new_q, 1e-300), most_u / max(new_u, 1e-300))
         distance = min(max(new_q, carried.distance), most_q)
-        moved = ErrorState(scale * carried.q, scale * carried.u, distance)
-        return (
-            (step, moved)
-            if self._momenta is None
-            else self._corrected(step, inputs, error, moved, given, counters)
-        )
+        speed = min(max(new_u, carried.speed), most_u)
+        moved = ErrorState(scale * carried.q, scale * carried.u, distance, speed=speed)
+        return self._spinning_on(step, error, moved) if turning == [False, False] else (step, moved)
 
-    def _corrected(
-        self,
-        step: Step,
-        inputs: HeldCommands,
-        before: ErrorState,
-        after: ErrorState,
-        given: np.ndarray,
-        counters: Counters,
-    ) -> tuple[Step, ErrorState]:
-        """Return the step and its error with the momenta that were given to them."""
+    def _spinning_on(self, step: Step, before: ErrorState, after: ErrorState) -> tuple[Step, ErrorState]:
+        """Return the step with the angular momentum of its start, and its error with that of the error before."""
         assert self._momenta is not None
-        model, momenta = self._model, self._momenta
-        start, end = step.left, step.right
-        counters.evaluations += 2
-        wanted = momenta.of_rates(start.q, start.u[model.free]) + given[0]
+        free, momenta, start, end = self._model.free, self._momenta, step.left, step.right
+        lost = momenta.of_rates(start.q, start.u[free]) - momenta.of_rates(end.q, end.u[free])
         u = end.u.copy()
-        u[model.free] += momenta.velocities(end.q, wanted - momenta.of_rates(end.q, u[model.free])).ravel()
-        end = replace(end, u=u)
-        wanted = momenta.of_error(start, before) + given[1] - momenta.of_error(end, after)
-        return replace(step, right=end), replace(after, u=after.u + momenta.velocities(end.q, wanted).ravel())
+        u[free] += momenta.spinning(end.q, lost)
+        step = replace(step, right=replace(end, u=u), drift=0.0)
+        lost = momenta.of_error(start, before) - momenta.of_error(step.right, after)
+        return step, replace(after, u=after.u + momenta.spinning(end.q, lost))
 
     def _transport(
         self,
@@ -159,7 +147,7 @@ class ErrorTransport:
         factors: tuple[Factors, Factors, Factors],
         updates: BroydenUpdates,
         column_spin: np.ndarray,
-        given: np.ndarray,
+        turning: list[bool],
     ) -> ErrorState:
         model, free, order = self._model, self._model.free, self._system.order
         spin = self._mean_spin(column_spin)
@@ -168,26 +156,17 @@ class ErrorTransport:
         a, c, moment = _tableau(rate_step / h)
         first = start.a if start.lasting is None else start.lasting
         places, forces, residuals = [], [], np.empty((2, n_free))
-        unmoved: list[np.ndarray] = []
         for k, s in enumerate(INNER):
             q, u, acceleration = start.q.copy(), start.u.copy(), np.empty(n_free)
             interpolate(free, h, s, start.q, start.u, first, end.q, end.u, end.a, q, u, acceleration)
             model.prescribe(start.time + s * h, q, u)
             force = model.force(start.time + s * h, q, u, inputs)
             if self._momenta is not None:
-                unmoved.append(self._momenta.of_impulses(q, force))
-                given[0] += INNER_WEIGHT * h * unmoved[k]
+                turning.append(self._momenta.is_turned(q, force))
             residuals[k] = force - model.momentum(q, acceleration)
             rotate_vectors(order, column_spin, -s * h, residuals[k])
             places.append((start.time + s * h, q, u))
             forces.append(force)
-        if self._momenta is not None:
-            # Accelerations at the ends hold what is left of the iterations, which would add up.
-            ends = [
-                self._momenta.of_impulses(m.q, model.force(m.time, m.q, m.u, inputs)) for m in (start, end)
-            ]
-            given[0] += (0.5 - INNER_WEIGHT) * h * (ends[0] + ends[1])
-            unmoved.append(ends[1])
         places.append((end.time, end.q.copy(), end.u.copy()))
         forces.append(model.momentum(end.q, end.a))
         if len(spin):
@@ -205,10 +184,7 @@ class ErrorTransport:
             force = mean + (c[i] - 0.5) * slope
             rotate_vectors(order, column_spin, elapsed, force)
             apply_stage(free, order, spin, elapsed, rate_step, model.mass, known, q, u, force)
-            moved = model.force(time, q, u, inputs)
-            if self._momenta is not None:
-                given[1] += h * a[2, i] * (self._momenta.of_impulses(q, moved) - unmoved[i])
-            force += moved
+            force += model.force(time, q, u, inputs)
             force -= forces[i]
             change = updates.step(factors[i].solve(force), None)
             rotate_vectors(order, spin, -elapsed, change)
@@ -219,7 +195,7 @@ class ErrorTransport:
         subtract_spin(order, -spin, q, u)
         rotate_vectors(order, spin, h, q)
         rotate_vectors(order, spin, h, u)
-        return ErrorState(q, u, inside)
+        return ErrorState(q, u, inside, speed=max(self.size(rates) for rates in errors[:, 1]))
 
     def _column_spin(self, step: Step) -> tuple[float, np.ndarray]:
         """Return the largest angle that a column turns in a step [rad], and each node's angular velocity [rad/s]."""

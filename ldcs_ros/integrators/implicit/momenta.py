@@ -7,6 +7,9 @@ import numpy as np
 from ldcs_ros.integrators.base import ErrorState
 from ldcs_ros.physics.model import Model, Motion
 
+# Moments below this share of forces times their levers are rounding.
+NO_MOMENT = 1e-10
+
 
 class Momenta:
     """Linear and angular momentum of a loose sheet about its centre of mass, shape (2, 3) [N s, N m s]."""
@@ -28,6 +31,12 @@ class Momenta:
         moment = np.cross(self._relative(q[self._free]), vectors)
         return np.stack([vectors.sum(axis=0), moment.sum(axis=0)])
 
+    def is_turned(self, q: np.ndarray, force: np.ndarray) -> bool:
+        """Return whether forces on the free coordinates at q have a moment about the centre of mass."""
+        place, vectors = self._relative(q[self._free]), force[: self._n].reshape(-1, 3)
+        levers = (np.linalg.norm(place, axis=1) * np.linalg.norm(vectors, axis=1)).sum()
+        return bool(np.linalg.norm(np.cross(place, vectors).sum(axis=0)) > NO_MOMENT * levers)
+
     def of_rates(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the momenta of rates of the free coordinates at q."""
         return self.of_impulses(q, (self._mass * u[: self._n].reshape(-1, 3)).ravel())
@@ -45,6 +54,10 @@ class Momenta:
         inertia = (self._mass * place**2).sum() * np.eye(3) - (self._mass * place).T @ place
         spin = np.linalg.lstsq(inertia, momenta[1], rcond=1e-9)[0]
         return np.asarray(momenta[0] / self._whole + np.cross(spin, place))
+
+    def spinning(self, q: np.ndarray, momenta: np.ndarray) -> np.ndarray:
+        """Return the rates of the free coordinates [m/s] in the rotation with the angular one of given momenta."""
+        return self.velocities(q, momenta * [[0.0], [1.0]]).ravel()
 
     def speed(self, q: np.ndarray, momenta: np.ndarray) -> float:
         """Return the largest speed of a node [m/s] in the rigid motion with given momenta."""
