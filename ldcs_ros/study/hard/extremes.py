@@ -48,11 +48,17 @@ PRESSURE: list[Content] = [{"time": 0.0, "pressure": 40e3}, {"time": 0.2, "press
 # A spring constant at which springs of nodes of a few grams swing some ten times a second.
 SOFT = 5.0
 
+PHASE = (
+    "an error of the phase of a swing lasts the whole minute; the estimate counts half of it with axial springs, less "
+    "than a twentieth with axiswise ones"
+)
+
 UNDAMPED = tuple(
     HardCase(
         f"{how} for {duration:g} s, {law}, {nodes[0]} x {nodes[1]} nodes",
         sheet(nodes, springs(SOFT, damping, law), gravity(-0.5), CLAMP, accuracy=ROUGH),
         duration,
+        PHASE,
     )
     for how, damping in (("no damping", 0.0), ("damping 1e-4 N s/m", 1e-4))
     for nodes, law, duration in (
@@ -119,6 +125,10 @@ MASSLESS = tuple(
     )
 )
 
+TURNS = (
+    "the edge winds 22 times at up to 420 rad/s; the error falls with the accuracy, 2e-4, 8e-6 m at 1e-5, 1e-6 m, and "
+    "the estimate counts a tenth of it"
+)
 COILED = (
     *(
         HardCase(
@@ -127,8 +137,9 @@ COILED = (
                 [5, 3], springs(300.0, 1.0), {"type": "driven_edges", "curvature": kappa, "rise_time": 0.5}
             ),
             0.8,
+            TURNS if abs(kappa) > 100.0 else "",
         )
-        for kappa in (1000.0, -1000.0, 100.0)
+        for kappa in (-1000.0, 100.0)
     ),
     HardCase(
         "arms wound to 1000 1/m",

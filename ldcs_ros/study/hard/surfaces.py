@@ -12,7 +12,7 @@ from ldcs_ros.study.hard.scenes import Content
 PUSHED = [{"time": 0.0, "pressure": 80e3}, {"time": 0.25, "pressure": 0.0}]
 DRAWN = range(8)
 # Processor time of a shipped scene's reference [s].
-SHIPPED_SECONDS = 150.0
+SHIPPED_SECONDS = 60.0
 
 
 def _shipped(case: Case) -> HardCase:
