@@ -46,6 +46,12 @@ def test_a_table_without_a_point_of_the_scene_is_refused(table):
         read_experiment(table, load_scene("rig"), mapping=columns_mapping(words))
 
 
+def test_a_measured_point_that_the_scene_lacks_is_told(table):
+    experiment = read_experiment(table, load_scene("rig"), mapping=columns_mapping([*WORDS, "P7.x=x:mm"]))
+    assert experiment.points == ("P1",)
+    assert "P7.x is of no point of the scene ['P0', 'P1']" in experiment.warnings
+
+
 def test_the_hidden_gain_is_found_from_the_table(table, tmp_path, capsys):
     words = ["identify", str(table), "--scene", "rig", "--fit", "effects.arms.pressure_gain=5e-7..2e-6"]
     words += ["--starts", "1", "--processes", "1", "-o", str(tmp_path / "mine.yaml"), "--columns", *WORDS]

@@ -188,3 +188,24 @@ def test_bytes_that_are_no_message_are_counted_and_the_others_go_on(tmp_path):
     assert (report.messages, report.malformed) == (7, 1)
     text = " ".join(report.warnings())
     assert "1 malformed" in text and "clock" not in text
+
+
+def test_a_topic_may_measure_one_coordinate(tmp_path):
+    sent = []
+    for k in range(3):
+        time = WALL + 100 * k * MS
+        sent.append(("/laser", time, rig_bag.build("std_msgs/msg/Float64", data=380.0 + k)))
+        sent.append(("/t", time, rig_bag.transform(time, "probe", (1.0, 2.0, 3.0 + k))))
+    down = {
+        "topic": "/laser",
+        "to": "P1.z",
+        "unit": "mm",
+        "translation": [0, 0, 0.4],
+        "rotation": [1, 0, 0, 0],
+    }
+    side = {"topic": "/t", "to": "P0.x", "unit": "mm", "field": "transform.translation.z"}
+    recording = read_bag(rig_bag.write(tmp_path / "bag", sent))
+    mapping = parse_mapping({"measurements": [down, side]})
+    found = read_signals(recording, name="rig", mapping=mapping, measured=True).series
+    np.testing.assert_allclose(found["P1.z"].value[:, 0], [0.020, 0.019, 0.018], atol=1e-12)
+    np.testing.assert_allclose(found["P0.x"].value[:, 0], [0.003, 0.004, 0.005], atol=1e-12)
