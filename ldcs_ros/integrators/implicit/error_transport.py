@@ -104,9 +104,9 @@ class ErrorTransport:
             counters: Where evaluations and solves are counted.
         """
         angle, column_spin = self._column_spin(step)
-        turning: list[bool] = []
+        are_turned: list[bool] = []
         try:
-            carried = self._transport(step, inputs, error, factors, updates, column_spin, turning)
+            carried = self._transport(step, inputs, error, factors, updates, column_spin, are_turned)
         except DivergenceError:
             # The error is so large that its place is no shape of a sheet.
             carried = ErrorState(np.full_like(error.q, math.inf), error.u)
@@ -126,7 +126,7 @@ class ErrorTransport:
         distance = min(max(new_q, carried.distance), most_q)
         speed = min(max(new_u, carried.speed), most_u)
         moved = ErrorState(scale * carried.q, scale * carried.u, distance, speed=speed)
-        return self._spinning_on(step, error, moved) if turning == [False, False] else (step, moved)
+        return self._spinning_on(step, error, moved) if are_turned == [False, False] else (step, moved)
 
     def _spinning_on(self, step: Step, before: ErrorState, after: ErrorState) -> tuple[Step, ErrorState]:
         """Return the step with the angular momentum of its start, and its error with that of the error before."""
@@ -147,7 +147,7 @@ class ErrorTransport:
         factors: tuple[Factors, Factors, Factors],
         updates: BroydenUpdates,
         column_spin: np.ndarray,
-        turning: list[bool],
+        are_turned: list[bool],
     ) -> ErrorState:
         model, free, order = self._model, self._model.free, self._system.order
         spin = self._mean_spin(column_spin)
@@ -162,7 +162,7 @@ class ErrorTransport:
             model.prescribe(start.time + s * h, q, u)
             force = model.force(start.time + s * h, q, u, inputs)
             if self._momenta is not None:
-                turning.append(self._momenta.is_turned(q, force))
+                are_turned.append(self._momenta.is_turned(q, force))
             residuals[k] = force - model.momentum(q, acceleration)
             rotate_vectors(order, column_spin, -s * h, residuals[k])
             places.append((start.time + s * h, q, u))
