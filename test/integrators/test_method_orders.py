@@ -7,8 +7,9 @@ import pytest
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators import INTEGRATORS, integrator_class
+from ldcs_ros.integrators.base import Step
 from ldcs_ros.physics.inputs import NO_INPUTS
-from ldcs_ros.physics.model import Model
+from ldcs_ros.physics.model import Model, Motion
 
 TIGHT = 1e-13  # m: stages are solved to rounding, so that only the method's own error shows
 # Their error does not follow the step: one has none with constant loads, the other divides steps by itself.
@@ -122,3 +123,21 @@ def test_the_inside_of_a_step_is_as_good_as_its_end():
         coarse.advance_to(time)
         worst = max(worst, np.abs(fine.state.position - coarse.state.position).max())
     assert worst < 1e-5
+
+
+def test_inside_a_step_the_motion_is_the_quintic_through_both_ends():
+    model = load_scene("single_spring").build().model
+    n = len(model.free)
+    curve = np.polynomial.Polynomial([0.1, -2.0, 3.0, 40.0, -500.0, 6000.0])
+
+    def motion(time):
+        q, u = model.reference_state()
+        q[model.free], u[model.free] = curve(time), curve.deriv()(time)
+        return Motion(time, q, u, np.full(n, curve.deriv(2)(time)))
+
+    step = Step(motion(0.2), motion(0.25), 0.0)
+    for time in (0.2, 0.203, 0.225, 0.249, 0.25):
+        found, exact = step.at(time, model), motion(time)
+        np.testing.assert_allclose(found.q, exact.q, rtol=1e-10)
+        np.testing.assert_allclose(found.u, exact.u, rtol=1e-9)
+        np.testing.assert_allclose(found.a, exact.a, rtol=1e-7)

@@ -117,6 +117,9 @@ def test_after_a_lost_connection_it_comes_back_and_arms_only_when_asked():
 @pytest.mark.parametrize("mode", ["shadow", "mirror"])
 def test_listening_modes_command_nothing(mode, clock):
     bench = Bench("topics", mode=mode, clock=clock, controller="steps")
+    assert (bench.bridge.estimator is not None) == (mode == "mirror")
+    for arm in ("left", "right"):
+        assert f"no pressure of {arm} has been measured yet" in bench.bridge.preconditions()
     bench.operator = [WORKING, WORKING]
     bench.run(3.0)
     assert bench.rig.highest_setpoint == 0.0
