@@ -42,6 +42,9 @@ reduced: setup  ## train the reduced model of the rig and measure it on 200 held
 reach: setup  ## measure inverse statics: random places of the rig, shapes of the mould with their bounds: COUNT=10 SEED=3
 	@$(BIN)/python tools/reach_figures.py $(or $(COUNT),100) $(or $(SEED),1)
 
+derivatives: setup  ## measure derivatives along runs: WHAT="cost gradient errors identify" for all
+	@$(BIN)/python tools/derivative_figures.py $(or $(WHAT),cost gradient)
+
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench
 
@@ -147,4 +150,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test reduced reach bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test reduced reach derivatives bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

@@ -50,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=metres,
         help="tracker's standard deviation [m]; else the bag's, or estimated",
     )
+    parser.add_argument(
+        "--in-motion", action="store_true", help="the bags begin in motion: fit the start of each, too"
+    )
     parser.add_argument("--starts", metavar="N", type=count, default=8, help="start values to screen (8)")
     parser.add_argument("--seed", metavar="N", type=seed, default=0, help="seed of the start values (0)")
     parser.add_argument(
@@ -62,6 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fit, print, write the scene; status 0, 1 if the structure does not fit."""
+    if arguments.in_motion and arguments.hold_out:
+        raise CommandLineError("--hold-out predicts from a known start, and with --in-motion none is known")
     if not arguments.fit:
         raise CommandLineError("identify needs --fit PATH, such as --fit effects.arms.joint_stiffness")
     if arguments.output is not None and arguments.output.exists():
@@ -76,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     content = scene.content
     parameters = [parse_parameter(text, content) for text in arguments.fit]
     read = [
-        read_experiment(bag, scene, mapping=mapping, noise=arguments.noise)
+        read_experiment(bag, scene, mapping=mapping, noise=arguments.noise, in_motion=arguments.in_motion)
         for bag in (*arguments.bags, *arguments.hold_out)
     ]
     fitted, unseen = read[: len(arguments.bags)], read[len(arguments.bags) :]
@@ -131,6 +136,7 @@ def _print(found: Identification, read: Sequence[Experiment], output: Path | Non
     lines.append(
         ("search", f"{found.evaluations} parameter sets, {len(found.minima)} different minima{ended}")
     )
+    lines.append(("slopes", found.slopes))
     lines.append(("structure", "MISFIT" if found.misfit.found else found.misfit.words))
     if output is not None:
         lines.append(("scene", str(output)))

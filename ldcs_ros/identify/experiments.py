@@ -12,6 +12,7 @@ import numpy as np
 
 from ldcs_ros.bags import Recording
 from ldcs_ros.errors import LdcsError, SceneError
+from ldcs_ros.identify.starts import Start, start_at
 from ldcs_ros.messages.topics import TOPICS
 from ldcs_ros.replay.external_bag import begun_scene, mapped_commands
 from ldcs_ros.replay.own_bag import recorded_run, timeline
@@ -49,6 +50,7 @@ class Experiment:
         noise: Standard deviation of one coordinate [m].
         noise_origin: Source of the noise figure, in words.
         warnings: Irregularities of the bag, in words.
+        start: Its unknown start, if it begins in motion.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Experiment:
     noise: float
     noise_origin: str
     warnings: tuple[str, ...] = ()
+    start: Start | None = None
 
     @property
     def count(self) -> int:
@@ -69,7 +72,12 @@ class Experiment:
 
 
 def read_experiment(
-    bag: str | os.PathLike[str], scene: Scene, *, mapping: Mapping | None = None, noise: float | None = None
+    bag: str | os.PathLike[str],
+    scene: Scene,
+    *,
+    mapping: Mapping | None = None,
+    noise: float | None = None,
+    in_motion: bool = False,
 ) -> Experiment:
     """Return the experiment of a bag or a table.
 
@@ -78,6 +86,7 @@ def read_experiment(
         scene: The scene that is to be fitted; its points are compared.
         mapping: Meaning of a rig's topics or a table's columns; None to go by names and types.
         noise: Standard deviation of a measured coordinate [m]; None to take the recorded scene's, or to estimate it.
+        in_motion: The bag begins in motion; its start is unknown and is to be fitted, too.
 
     Raises:
         RecordingError: The bag cannot be read.
@@ -127,9 +136,34 @@ def read_experiment(
     for (point, k), track in tracks.items():
         position[np.searchsorted(time, track.time), points.index(point), k] = track.value[:, 0]
     sigma, origin = _noise(noise, None if recorded is None else recorded.scene, list(tracks.values()))
+    start = _start(scene, schedule, commands, shift) if in_motion else None
+    settled = settled or in_motion
     return Experiment(
-        name, commands, settled, schedule, points, time + shift, position, sigma, origin, tuple(warnings)
+        name,
+        commands,
+        settled,
+        schedule,
+        points,
+        time + shift,
+        position,
+        sigma,
+        origin,
+        tuple(warnings),
+        start,
     )
+
+
+def _start(
+    scene: Scene, schedule: Sequence[dict[str, Any]], commands: Sequence[Command], time: float
+) -> Start:
+    # Near the rest state under the commands of the first instant.
+    simulation = scene.edited(inputs=[entry for entry in schedule if entry["time"] <= time] or None).build()
+    receiver = Commands(simulation)
+    for due, topic, cdr in commands:
+        if due <= max(time, commands[0][0]):
+            receiver.receive(topic, cdr)
+    simulation.settle()
+    return start_at(simulation.operating_point(), time)
 
 
 def _effective(commands: Sequence[Command], scene: Scene, name: str) -> tuple[Command, ...]:

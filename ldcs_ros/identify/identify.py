@@ -20,7 +20,14 @@ from ldcs_ros.identify.diagnostics import (
 )
 from ldcs_ros.identify.experiments import Experiment, IdentificationError
 from ldcs_ros.identify.fitting import Minimum, distinct, search
-from ldcs_ros.identify.parameters import FitParameter, check_parameters, values_at
+from ldcs_ros.identify.parameters import (
+    FitParameter,
+    check_parameters,
+    scene_values,
+    start_parameters,
+    values_at,
+)
+from ldcs_ros.identify.prediction import no_tangents_reason
 from ldcs_ros.identify.workers import Workers
 from ldcs_ros.scene import Scene
 from ldcs_ros.schema.paths import with_values
@@ -40,6 +47,7 @@ class Identification:
         held_out: Score of each bag that was not fitted.
         minima: Different minima that were found, best first.
         evaluations: Parameter sets that were computed, each for all bags.
+        slopes: How the slopes were computed, in words.
     """
 
     content: dict[str, Any]
@@ -51,6 +59,7 @@ class Identification:
     held_out: list[Score]
     minima: list[Minimum]
     evaluations: int
+    slopes: str = "tangents"
 
 
 def identify(
@@ -62,6 +71,7 @@ def identify(
     starts: int = 8,
     seed: int = 0,
     processes: int | None = None,
+    tangents: bool = True,
     progress: Callable[[float, str], None] = lambda fraction, what: None,
 ) -> Identification:
     """Fit parameters of a scene to experiments and judge the fit.
@@ -74,6 +84,7 @@ def identify(
         starts: Start values to screen.
         seed: Seed of the start values.
         processes: Worker processes; None for one a core, 1 for none.
+        tangents: Slopes are tangents of the runs where these exist; otherwise differences.
         progress: Called with the fraction of the work that is done, and a description of the present step.
 
     Raises:
@@ -81,17 +92,27 @@ def identify(
     """
     content = scene.content
     count = sum(experiment.count for experiment in experiments)
-    if not parameters or count <= len(parameters):
-        raise IdentificationError(f"{count} measured numbers cannot determine {len(parameters)} parameters")
+    starts_of_bags = [
+        one
+        for number, experiment in enumerate(experiments)
+        if experiment.start is not None
+        for one in start_parameters(number, experiment.start.ranges)
+    ]
+    unknowns = [*parameters, *starts_of_bags]
+    if not parameters or count <= len(unknowns):
+        raise IdentificationError(f"{count} measured numbers cannot determine {len(unknowns)} parameters")
     check_parameters(parameters, content)
+    reason = no_tangents_reason(scene, unknowns, experiments) if tangents else "differences were asked for"
     with Workers(content, experiments, processes=processes) as workers:
-        minima = search(parameters, workers, starts=starts, seed=seed, progress=progress)
+        minima = search(
+            unknowns, workers, starts=starts, seed=seed, tangents=reason is None, progress=progress
+        )
         evaluations = workers.count
     best = minima[0]
     whole = score(experiments, best.residual)
-    finding = misfit(whole, len(parameters))
+    finding = misfit(whole, len(unknowns))
     inflation = float(np.sqrt(max(1.0, whole.reduced_chi_square))) if finding.found else 1.0
-    values = values_at(parameters, best.normalised)
+    values = scene_values(values_at(unknowns, best.normalised))
     unseen: list[Score] = []
     if held_out:
         with Workers(content, held_out, processes=1) as workers:
@@ -101,12 +122,13 @@ def identify(
         unseen = scores(held_out, answer)
     return Identification(
         content=with_values(content, values),
-        estimates=estimates(parameters, best, inflation=inflation),
-        correlation=correlation(best),
+        estimates=estimates(unknowns, best, inflation=inflation)[: len(parameters)],
+        correlation=correlation(best)[: len(parameters), : len(parameters)],
         misfit=finding,
         whole=whole,
         fitted=scores(experiments, best.residual),
         held_out=unseen,
         minima=distinct(minima),
         evaluations=evaluations,
+        slopes="tangents" if reason is None else f"differences: {reason}",
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +34,11 @@ class FitParameter:
     start: float
     low: float
     high: float
+
+    @property
+    def is_start(self) -> bool:
+        """One of the numbers of the start of an experiment, not of the scene."""
+        return _START.match(self.path) is not None
 
     @property
     def logarithmic(self) -> bool:
@@ -92,6 +98,24 @@ def parse_parameter(text: str, content: dict[str, Any]) -> FitParameter:
             f"--fit {text}: the scene has {start:g}, which is not in {low:g} ... {high:g}"
         )
     return FitParameter(path.strip(), start, low, high)
+
+
+_START = re.compile(r"^start\[(\d+)\]\.(\d+)$")
+
+
+def start_parameters(number: int, ranges: Sequence[tuple[float, float, float]]) -> list[FitParameter]:
+    """Return the numbers of the start of an experiment, by its index; each range is first value, low and high."""
+    return [FitParameter(f"start[{number}].{k}", *one) for k, one in enumerate(ranges)]
+
+
+def scene_values(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values that are those of the scene."""
+    return {path: value for path, value in values.items() if not _START.match(path)}
+
+
+def start_values(values: Mapping[str, float], number: int) -> np.ndarray:
+    """Return the values that are those of the start of an experiment, by its index, in their order."""
+    return np.array([value for path, value in values.items() if path.startswith(f"start[{number}].")])
 
 
 def check_parameters(parameters: Sequence[FitParameter], content: dict[str, Any]) -> None:

@@ -102,6 +102,7 @@ def as_dict(found: Identification) -> dict[str, Any]:
         "held_out": [_plain(item) for item in found.held_out],
         "minima": len(found.minima),
         "evaluations": found.evaluations,
+        "slopes": found.slopes,
     }
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ldcs_ros.identify.experiments import Experiment, IdentificationError
-from ldcs_ros.identify.prediction import FIT_ACCURACY, residuals
+from ldcs_ros.identify.prediction import FIT_ACCURACY, linearised, residuals
 from ldcs_ros.simulation.threads import core_count
+
+Answer = TypeVar("Answer")
 
 _shared: tuple[dict[str, Any], Sequence[Experiment]] | None = None
 
@@ -55,22 +57,46 @@ class Workers:
             IdentificationError: A worker process ended.
         """
         self.count += len(candidates)
-        jobs = [
-            (values, number, accuracy) for values in candidates for number in range(len(self._experiments))
-        ]
-        if self._pool is None:
-            parts = [residuals(self._content, v, self._experiments[k], accuracy=a) for v, k, a in jobs]
-        else:
-            try:
-                parts = list(self._pool.map(_compute, jobs))
-            except BrokenProcessPool as error:
-                raise IdentificationError(
-                    "a worker process ended (out of memory, or a script without `if __name__ == '__main__':`); "
-                    "use one process"
-                ) from error
         size = len(self._experiments)
+        parts = self._map(
+            residuals, [(values, number, accuracy) for values in candidates for number in range(size)]
+        )
         rows = [parts[size * k : size * (k + 1)] for k in range(len(candidates))]
         return [None if any(p is None for p in row) else np.concatenate(row) for row in rows]  # type: ignore[arg-type]
+
+    def linearised(
+        self, values: dict[str, float], *, accuracy: float
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the residuals of all bags and their derivatives by the values, shape (n, n_values), by tangents.
+
+        Raises:
+            IdentificationError: A worker process ended.
+            ValueError: A run has no tangents by one of the numbers.
+        """
+        self.count += 1
+        parts = self._map(
+            linearised, [(values, number, accuracy) for number in range(len(self._experiments))]
+        )
+        found = [part for part in parts if part is not None]
+        if len(found) < len(parts):
+            return None
+        return np.concatenate([gap for gap, _ in found]), np.concatenate([slope for _, slope in found])
+
+    def _map(
+        self, what: Callable[..., Answer], jobs: Sequence[tuple[dict[str, float], int, float]]
+    ) -> list[Answer]:
+        if self._pool is None:
+            return [
+                what(self._content, values, self._experiments[k], number=k, accuracy=a)
+                for values, k, a in jobs
+            ]
+        try:
+            return list(self._pool.map(_compute, [what] * len(jobs), jobs))
+        except BrokenProcessPool as error:
+            raise IdentificationError(
+                "a worker process ended (out of memory, or a script without `if __name__ == '__main__':`); "
+                "use one process"
+            ) from error
 
     def __enter__(self) -> Workers:
         return self
@@ -87,8 +113,8 @@ def _begin(content: dict[str, Any], experiments: Sequence[Experiment]) -> None:
     _shared = (content, experiments)
 
 
-def _compute(job: tuple[dict[str, float], int, float]) -> np.ndarray | None:
+def _compute(what: Callable[..., Answer], job: tuple[dict[str, float], int, float]) -> Answer:
     if _shared is None:
         raise RuntimeError("a worker process has no work")
     values, number, accuracy = job
-    return residuals(_shared[0], values, _shared[1][number], accuracy=accuracy)
+    return what(_shared[0], values, _shared[1][number], number=number, accuracy=accuracy)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -24,10 +25,13 @@ from ldcs_ros.simulation.inputs import Inputs, InputsState
 from ldcs_ros.simulation.linear_model import natural_modes, stiffness_and_damping
 from ldcs_ros.simulation.problem import Problem
 from ldcs_ros.simulation.scene_number import SceneNumber
+from ldcs_ros.simulation.schedule import Schedule
 from ldcs_ros.simulation.sensitivity import positions
 
 # Central differences of forces that are smooth in a number: truncation and rounding are below 1e-8 of the slope.
 RELATIVE_STEP = 1e-4
+# A force whose second difference over that step is below this part of the first is linear in the number.
+AFFINE = 1e-7
 _START = re.compile(r"^start\.(position|velocity)\.(?:mode_(\d+)|(\w+)\.([xyz]))$")
 
 
@@ -46,6 +50,21 @@ class CommandProfile:
     command: str
     time: tuple[float, ...]
     amplitude: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class StartProfile:
+    """A change of a run's start, by which the run is differentiated.
+
+    Attributes:
+        name: Its name.
+        position: Change of the free coordinates per unit of the profile, shape (n_free,).
+        velocity: Change of their rates, same shape.
+    """
+
+    name: str
+    position: np.ndarray
+    velocity: np.ndarray
 
 
 class CommandColumns:
@@ -178,7 +197,7 @@ class NumberColumn:
         self.name, self.unit = number.path, number.unit
         self._step = number.step(RELATIVE_STEP)
         self._model = model
-        self._sides: list[tuple[float, Model, _Commands, list[Point]]] = []
+        self._sides: list[_Side] = []
         neighbours = [number.changed(sign * self._step) for sign in (1.0, -1.0)]
         for sign, (other, changed) in zip((1.0, -1.0), neighbours, strict=True):
             commands = _Commands(changed, other.inputs, inputs, time, settled=settled)
@@ -187,33 +206,80 @@ class NumberColumn:
                     f"{self.name} moves the time of a command or valve: a run with frozen steps has no derivative by it"
                 )
             places = [point_at(other.lattice, name, other.points) for name in of]
-            self._sides.append((sign, changed, commands, places))
+            self._sides.append(_Side(sign, changed, commands, places))
         other, changed = neighbours[0]
         self._terms = _changed_terms(scene, model, other, changed)
         self._moves_bounds = any(model.terms[k] in model.prescribing for k in self._terms)
-        self._changes_mass = not np.array_equal(changed.node_mass, model.node_mass) or any(
-            model.terms[k] is model.arms for k in self._terms
+        self._changes_mass = not np.array_equal(changed.node_mass, model.node_mass) or _changes_inertia(
+            model, changed
         )
         self._moves_places = other.lattice != scene.lattice or other.points != scene.points
+        self._forces = self._sides
+        if not self._moves_bounds and self._is_affine(time):
+            # One side and the run's own force, which the columns share, are exact then.
+            base = _Commands(model, scene.inputs, inputs, time, settled=settled)
+            self._forces = [self._sides[0], _Side(0.0, model, base, [])]
+
+    def _is_affine(self, time: float) -> bool:
+        # At a motion at random: a number that has no force there may act otherwise elsewhere.
+        model, draw = self._model, np.random.default_rng(0)
+        q, u = model.reference_state()
+        n = len(model.free)
+        q[model.free] += 0.1 * min(model.lattice.spacing) * draw.standard_normal(n)
+        u[model.free] += 0.1 * draw.standard_normal(n)
+        a = draw.standard_normal(n)
+        first, second = self._sides
+        if not _same_commands(first.commands.held, second.commands.held):
+            return False
+        ahead, before = (self._force(side, time, q, u, a) for side in self._sides)
+        middle = self._force(first._replace(model=model), time, q, u, a)
+        slope, bend = np.abs(ahead - before).max(), np.abs(ahead + before - 2.0 * middle).max()
+        return bool(slope > 0.0 and bend <= AFFINE * slope)
 
     def enter(self, time: float) -> None:
         """Begin a step at a time [s]."""
-        for _, _, commands, _ in self._sides:
+        for _, _, commands, _ in self._forces:
             commands.advance(time)
 
-    def force(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return d(f - M a)/d(number) of the free coordinates, shape (n_free,)."""
-        slope = np.zeros(len(self._model.free))
-        for sign, model, commands, _ in self._sides:
-            total = np.zeros(model.n_coordinates)
-            there, rate = self._there(model, time, q, u)
-            for k in range(len(model.terms)) if self._moves_bounds else self._terms:
-                model.terms[k].add_force(time, there, rate, commands.held, total)
-            force = total[model.free]
-            if self._changes_mass:
-                force -= model.momentum(there, a)
-            slope += sign / (2.0 * self._step) * force
+    def force(
+        self,
+        time: float,
+        q: np.ndarray,
+        u: np.ndarray,
+        a: np.ndarray,
+        shared: dict[tuple[object, ...], np.ndarray],
+    ) -> np.ndarray:
+        """Return d(f - M a)/d(number) of the free coordinates, shape (n_free,).
+
+        Args:
+            time: Time [s].
+            q: Coordinates [m, rad].
+            u: Their rates.
+            a: Accelerations of the free coordinates.
+            shared: Forces of the run's own numbers at this motion by their terms; filled in here.
+        """
+        ahead, before = self._forces
+        slope = self._force(ahead, time, q, u, a)
+        if before.sign == 0.0:
+            key = (*self._terms, self._changes_mass)
+            if key not in shared:
+                shared[key] = self._force(before, time, q, u, a)
+            slope -= shared[key]
+        else:
+            slope -= self._force(before, time, q, u, a)
+        slope /= (1.0 - before.sign) * self._step
         return slope
+
+    def _force(self, side: _Side, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
+        model = side.model
+        total = np.zeros(model.n_coordinates)
+        there, rate = self._there(model, time, q, u)
+        for k in range(len(model.terms)) if self._moves_bounds else self._terms:
+            model.terms[k].add_force(time, there, rate, side.commands.held, total)
+        force = total[model.free]
+        if self._changes_mass:
+            force -= model.momentum(there, a)
+        return force
 
     def start(self) -> tuple[np.ndarray, np.ndarray]:
         """Return how the scene's own start moves, coordinates and rates, shape (n_free,) each."""
@@ -240,6 +306,15 @@ class NumberColumn:
         return q, u
 
 
+class _Side(NamedTuple):
+    """A neighbour of the scene, a step of the number ahead (1) or before (-1), or the scene itself (0)."""
+
+    sign: float
+    model: Model
+    commands: _Commands
+    places: list[Point]
+
+
 class _Commands:
     """The commands of a changed scene over a run, without its motion."""
 
@@ -252,8 +327,9 @@ class _Commands:
         *,
         settled: bool,
     ) -> None:
-        self._time, self._next, self._schedule = 0.0, 0, schedule
+        self._time = 0.0
         self._inputs = Inputs(model, lambda: self._time)
+        self._schedule = Schedule(schedule, self._inputs)
         if inputs is not None:
             each = () if model.arms is None else model.arms.each
             chambers = tuple(
@@ -261,7 +337,7 @@ class _Commands:
                 for chamber, own in zip(inputs.chambers, each, strict=False)
             )
             self._inputs.set_state(replace(inputs, chambers=chambers))
-            self._next = sum(command.time <= time + TIME_TOLERANCE for command in schedule)
+            self._schedule.position = sum(command.time <= time + TIME_TOLERANCE for command in schedule)
         self.advance(time)
         if settled:
             self._inputs.settle()
@@ -269,19 +345,28 @@ class _Commands:
 
     def advance(self, time: float) -> None:
         """Apply everything up to a time [s]."""
-        while True:
-            scheduled = self._schedule[self._next].time if self._next < len(self._schedule) else math.inf
-            event = min(scheduled, self._inputs.next_valve_change())
-            if event > time + TIME_TOLERANCE:
-                break
+        while (event := self._schedule.next_event()) <= time + TIME_TOLERANCE:
             self._time = max(event, 0.0)
-            if event == scheduled:
-                self._inputs.apply_scheduled(self._schedule[self._next])
-                self._next += 1
-            else:
-                self._inputs.apply_valve_change()
+            self._schedule.run_events(event)
         self._time = time
         self.held = self._inputs.held()
+
+
+def _changes_inertia(model: Model, changed: Model) -> bool:
+    q, _ = model.reference_state()
+    # Bent arms: straight ones hide a part.
+    q[3 * model.lattice.n_nodes :] = 0.3 * np.arange(1, model.n_angles + 1)
+    own, other = model.inertia(q), changed.inertia(q)
+    return own is not None and other is not None and not np.array_equal(own, other)
+
+
+def _same_commands(one: HeldCommands, other: HeldCommands) -> bool:
+    torques = [held.torque for held in (one, other) if held.torque is not None]
+    return (
+        one.chambers == other.chambers
+        and one.wrenches == other.wrenches
+        and (not torques or np.array_equal(torques[0], torques[-1]))
+    )
 
 
 def _event_times(scene: Problem, model: Model) -> tuple[list[float], list[float]]:
@@ -292,10 +377,10 @@ def _event_times(scene: Problem, model: Model) -> tuple[list[float], list[float]
 def _changed_terms(scene: Problem, model: Model, other: Problem, changed: Model) -> list[int]:
     """Return the terms whose force may differ; all where lattice, places, material, schedule or gravity do."""
     everything = list(range(len(model.terms)))
-    if any(
-        getattr(scene, part) != getattr(other, part) for part in ("lattice", "points", "material", "inputs")
-    ):
+    if any(getattr(scene, part) != getattr(other, part) for part in ("lattice", "points", "material")):
         return everything
+    if scene.inputs != other.inputs:
+        return [k for k in everything if model.terms[k].commanded or model.effects[k] != changed.effects[k]]
     effects = [effect != twin for effect, twin in zip(model.effects, changed.effects, strict=True)]
     names = [effect.name for effect in model.effects]
     if any(differs and name == "gravity" for differs, name in zip(effects, names, strict=True)):
@@ -309,8 +394,8 @@ class StartColumns:
 
     Args:
         at: The start.
-        names: `start.position.node_top_8_4.z`, `start.velocity.mode_2`: a coordinate or rate of a free node, or a
-            natural mode around the start, whose largest displacement is 1 m.
+        columns: `start.position.node_top_8_4.z`, `start.velocity.mode_2`: a coordinate or rate of a free node, or a
+            natural mode around the start, whose largest displacement is 1 m; or a profile.
 
     Attributes:
         names: Name of each column.
@@ -322,14 +407,19 @@ class StartColumns:
         ValueError: There is no such node or mode, or it is held.
     """
 
-    def __init__(self, at: OperatingPoint, names: Sequence[str]) -> None:
+    def __init__(self, at: OperatingPoint, columns: Sequence[str | StartProfile]) -> None:
+        names = [one if isinstance(one, str) else one.name for one in columns]
         self.names, n = tuple(names), len(at.model.free)
-        matches = [_START.match(name) for name in names]
+        matches = [_START.match(one) if isinstance(one, str) else None for one in columns]
         modes = [0 if match is None else int(match[2] or 0) for match in matches]
         shapes = start_modes(at, max(modes)) if 0 < max(modes, default=0) <= n else np.zeros((n, 0))
         self.q, self.u = np.zeros((n, len(names))), np.zeros((n, len(names)))
         units = []
-        for k, (name, match, mode) in enumerate(zip(names, matches, modes, strict=True)):
+        for k, (one, name, match, mode) in enumerate(zip(columns, names, matches, modes, strict=True)):
+            if isinstance(one, StartProfile):
+                self.q[:, k], self.u[:, k] = one.position, one.velocity
+                units.append("")
+                continue
             if match is None or (match[2] is not None and not 1 <= mode <= n):
                 raise ValueError(
                     f"got {name!r}, expected start.position or start.velocity of mode_1 to mode_{n} "
@@ -363,9 +453,9 @@ def _of_node(model: Model, name: str, node: str, axis: str) -> np.ndarray:
     return column
 
 
-def is_command(name: str | CommandProfile) -> bool:
+def is_command(name: str | CommandProfile | StartProfile) -> TypeGuard[str | CommandProfile]:
     """Return whether a name is that of a command."""
-    return isinstance(name, CommandProfile) or name.partition(".")[0] in KINDS
+    return isinstance(name, CommandProfile) or (isinstance(name, str) and name.partition(".")[0] in KINDS)
 
 
 def _profiles(

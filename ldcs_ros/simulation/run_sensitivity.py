@@ -12,7 +12,6 @@ from ldcs_ros.integrators.base import Step
 from ldcs_ros.integrators.control import LOCAL_SHARE, MOST_GROWTH, SAFETY
 from ldcs_ros.integrators.esdirk43 import Esdirk43
 from ldcs_ros.integrators.implicit.tangents import Tangents, TangentSteps
-from ldcs_ros.physics.effects.wrench import ALIGNED
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.units import TIME_TOLERANCE
@@ -24,6 +23,7 @@ from ldcs_ros.simulation.run_parameters import (
     CommandProfile,
     NumberColumn,
     StartColumns,
+    StartProfile,
     is_command,
 )
 from ldcs_ros.simulation.scene_number import SceneNumber
@@ -32,7 +32,7 @@ from ldcs_ros.simulation.sensitivity import position_slopes, positions
 # Accuracy of a scene with fixed steps [m].
 USUAL_ACCURACY = 1e-5
 # Linear equations of the stages keep this part of what a step may make, as the stages themselves do.
-SOLVED_SHARE = 0.02
+SOLVED_SHARE = 0.05
 # To be compared with differences of the frozen-step run, stages and their linear equations are solved to rounding.
 TIGHT_SHARE, TIGHTLY_SOLVED = 1e-5, 1e-9
 # A displacement whose tangent is followed as accurately as the displacement itself [m]: a tangent's own error may be
@@ -40,8 +40,6 @@ TIGHT_SHARE, TIGHTLY_SOLVED = 1e-5, 1e-9
 DISPLACEMENT = 0.001
 # A second run at so many times the accuracy shows the error of the first. Its error is larger by a factor of 3 to 30.
 COARSER = 10.0
-# Part of the difference from it that is stated as the error (measured: docs/derivatives.md).
-STATED_PART = 0.5
 # Times in which a lasting force and a push of the start move the sheet [s].
 FORCE_TIME, PUSH_TIME = 0.3, 0.01
 # The tangents' own errors never ask for steps below it [s]: what is faster lasts shorter.
@@ -59,7 +57,7 @@ class RunSensitivity:
         units: SI unit of each number, '' where the scene does not say.
         position: Positions of the places in ldcs_base [m], shape (n_times, 3 n_of), rows x, y, z of each place.
         values: Their derivatives, shape (n_times, 3 n_of, n_to) [m per unit].
-        error: Stated error of each derivative, same shape; None if it was not asked for.
+        error: Stated error of each derivative, that of the place's three, same shape; None if it was not asked for.
         steps: Steps of the run.
     """
 
@@ -113,8 +111,10 @@ def run_sensitivity(
     if with_error:
         coarse = TangentRun(branch(COARSER * accuracy), times, of, to, settled=settled)
         coarse.go()
-        # The largest so far: where two errors cross, the difference tells nothing.
-        error = STATED_PART * np.maximum.accumulate(np.abs(run.values - coarse.values), axis=0)
+        # The largest so far of a place: where two errors cross, the difference of a coordinate tells nothing.
+        gap = np.abs(run.values - coarse.values).reshape(len(times), len(of), 3, -1)
+        largest = np.maximum.accumulate(gap.max(axis=2, keepdims=True), axis=0)
+        error = np.broadcast_to(largest, gap.shape).reshape(run.values.shape)
     return RunSensitivity(times, tuple(of), run.names, run.units, run.places, run.values, error, run.steps)
 
 
@@ -129,6 +129,7 @@ class TangentRun:
         of: Names of the places.
         to: Names of the numbers.
         settled: The start is a rest state that moves with the numbers.
+        rest: Coordinates of that rest state where the simulation has been moved away from it.
         tight: Solve stages to rounding, for a comparison with differences of the frozen-step run.
 
     Attributes:
@@ -145,9 +146,10 @@ class TangentRun:
         simulation: Followed,
         times: np.ndarray,
         of: Sequence[str],
-        to: Sequence[str | CommandProfile],
+        to: Sequence[str | CommandProfile | StartProfile],
         *,
         settled: bool,
+        rest: np.ndarray | None = None,
         tight: bool = False,
     ) -> None:
         assert isinstance(simulation.integrator, Esdirk43) and simulation.accuracy is not None
@@ -156,6 +158,7 @@ class TangentRun:
         scene, model, inputs = simulation.scene, simulation.model, simulation.inputs.get_state()
         if tight:
             simulation.integrator.iteration_share = TIGHT_SHARE
+        self._rest = self._end.q if rest is None else rest
         self.tangents: Tangents | None = None
         self.grid: list[tuple[float, float]] = []
         at = simulation.operating_point()
@@ -165,6 +168,7 @@ class TangentRun:
         fresh = (own_start or settled) and not inputs.overridden
         commands = [name for name in to if is_command(name)]
         others = [name for name in to if isinstance(name, str) and not is_command(name)]
+        profiles = [one for one in to if isinstance(one, StartProfile)]
         if inputs.overridden and any(isinstance(one, CommandProfile) or "@" in one for one in commands):
             raise ValueError("commands of the schedule: got a simulation that was commanded otherwise")
         each = () if model.arms is None else model.arms.each
@@ -183,7 +187,7 @@ class TangentRun:
             for name in others
             if not name.startswith("start.")
         ]
-        starts = StartColumns(at, [name for name in others if name.startswith("start.")])
+        starts = StartColumns(at, [*(name for name in others if name.startswith("start.")), *profiles])
         groups = [
             list(zip(self._commands.names, self._commands.units, strict=True)),
             [(column.name, column.unit) for column in self._numbers],
@@ -245,7 +249,7 @@ class TangentRun:
     def _rest_slope(self, held: HeldCommands) -> np.ndarray:
         # By the implicit function theorem, as in `sensitivity`.
         motion = self._end
-        q, u = motion.q, np.zeros_like(motion.u)
+        q, u = self._rest, np.zeros_like(motion.u)
         by_q, _ = stiffness_and_damping(self._model, motion.time, q, u, held)
         forces = self._forces(motion.time, q, u, np.zeros(len(self._model.free)))
         return -np.asarray(sparse_linalg.splu(by_q).solve(forces))
@@ -254,25 +258,15 @@ class TangentRun:
         result = np.zeros((len(self._model.free), len(self._columns)))
         own = self._columns[self._columns < self._n_commands]
         result[:, : len(own)] = self._commands.forces(time, q, u)[:, own]
+        shared: dict[tuple[object, ...], np.ndarray] = {}
         for k, column in enumerate(self._numbers, len(own)):
-            result[:, k] = column.force(time, q, u, a)
+            result[:, k] = column.force(time, q, u, a, shared)
         return result
 
     def longest_step(self, step: Step, held: HeldCommands) -> float:
         """Carry the tangents over a step; return the longest step that they allow [s]."""
         left, before = step.left, self.tangents
         h = step.right.time - left.time
-        rotating = [
-            name
-            for name, one in held.wrenches.items()
-            if any(one.torque) or (any(one.force) and not name.endswith(ALIGNED))
-        ]
-        if rotating:
-            # Its Jacobian leaves the rotating out, which iterations may and derivatives may not.
-            raise ValueError(
-                f"the wrench at {rotating[0]} turns with the sheet, expected a force alone, with axes of ldcs_base "
-                f"({rotating[0].removesuffix(ALIGNED)}{ALIGNED}), in a run with derivatives"
-            )
         self._commands.enter(left.time, held)
         for number in self._numbers:
             number.enter(left.time)
@@ -340,7 +334,7 @@ class TangentRun:
         self.values[row] = by[:, self._order]
 
 
-def _rank(name: str, to: Sequence[str | CommandProfile]) -> int:
+def _rank(name: str, to: Sequence[str | CommandProfile | StartProfile]) -> int:
     for k, asked in enumerate(to):
         kind, _, time = asked.partition("@") if isinstance(asked, str) else (asked.name, "", "")
         own, _, when = name.partition("@") if isinstance(asked, str) else (name, "", "")

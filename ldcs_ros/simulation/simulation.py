@@ -30,6 +30,7 @@ from ldcs_ros.simulation.threads import one_thread
 if TYPE_CHECKING:
     # Loaded when they are asked for.
     from ldcs_ros.simulation.equilibrium import Equilibrium
+    from ldcs_ros.simulation.run_gradient import RunGradient
     from ldcs_ros.simulation.run_parameters import CommandProfile
     from ldcs_ros.simulation.run_sensitivity import RunSensitivity
     from ldcs_ros.simulation.stability import Stability
@@ -224,13 +225,14 @@ class Simulation(ReadableSimulation):
         """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
         return self._step
 
-    def settle(self, *, follow: bool = False) -> Stability:
+    def settle(self, *, follow: bool = False, until: float = math.inf) -> Stability:
         """Move to an equilibrium: schedule and smooth rises done, chambers filled, all forces in balance.
 
         An unstable equilibrium is a balance, too; the result says so, and a warning names the way out of it.
 
         Args:
             follow: Leave an unstable equilibrium along its direction until a stable one is found.
+            until: Commands of the schedule after this time [s] are still to come.
 
         Returns:
             The lowest eigenvalue at the equilibrium, and its direction.
@@ -239,7 +241,7 @@ class Simulation(ReadableSimulation):
             DivergenceError: No equilibrium was found (nothing holds a free sheet, for example), or with `follow`
                 no stable one; nothing changed.
         """
-        found = self._find_equilibria(follow=follow, both_ways=False)[-1]
+        found = self._find_equilibria(follow=follow, both_ways=False, until=until)[-1]
         self._begin(found.coordinates, np.zeros_like(found.coordinates))
         if not found.stability.is_stable:
             warnings.warn(f"settle: {found.stability.describe(self.model)}", stacklevel=2)
@@ -259,11 +261,16 @@ class Simulation(ReadableSimulation):
         finally:
             self.reset(before)
 
-    def _find_equilibria(self, *, follow: bool, both_ways: bool) -> list[Equilibrium]:
+    def _find_equilibria(
+        self, *, follow: bool, both_ways: bool, until: float = math.inf
+    ) -> list[Equilibrium]:
         from ldcs_ros.simulation.equilibrium import find_equilibria
 
         before = self.state
-        time = max([self.time, *(command.time for command in self.scene.inputs), *self.model.breakpoints])
+        done = [command.time for command in self.scene.inputs if command.time <= until]
+        time = max([self.time, *done, *self.model.breakpoints])
+        if until < math.inf:
+            time = max(time, until)
         try:
             self.time = time
             self._schedule.run_commands(time)
@@ -311,6 +318,26 @@ class Simulation(ReadableSimulation):
 
         with one_thread():
             return run_sensitivity(self, self._branch, time, of, to, settled=settled, with_error=with_error)
+
+    def run_gradient(self, time: Sequence[float], of: Sequence[str], weights: np.ndarray) -> RunGradient:
+        """Return the gradient of a weighted sum of positions by all commands of the schedule, at the cost of few runs.
+
+        The run begins at the present state; the simulation stays as it is. Steps are frozen, as in `run_sensitivity`.
+
+        Args:
+            time: Times of the positions [s], rising, the present time or later.
+            of: Points or `node_<layer>_<i>_<j>`.
+            weights: Weight of x, y, z of each place at each time, shape (n_times, 3 n_of).
+
+        Raises:
+            ValueError: There is no such place or time.
+            DivergenceError: A step could not be taken.
+        """
+        from ldcs_ros.simulation.run_gradient import run_gradient
+        from ldcs_ros.simulation.run_sensitivity import USUAL_ACCURACY
+
+        with one_thread():
+            return run_gradient(self._branch(self.accuracy or USUAL_ACCURACY), time, of, weights)
 
     def _branch(self, accuracy: float) -> Simulation:
         """Return a simulation that goes on from the present state by the usual one-step method at an accuracy [m]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -69,11 +70,11 @@ class VerifiedSimulation(Simulation):
         self._pass_commands()
         self._finer.start_from(position, velocity, link_angle=link_angle, link_rate=link_rate)
 
-    def settle(self, *, follow: bool = False) -> Stability:
+    def settle(self, *, follow: bool = False, until: float = math.inf) -> Stability:
         """Move both solutions to one equilibrium; raises as `Simulation.settle`."""
         self._pass_commands()
-        found = super().settle(follow=follow)
-        self._finer.settle()
+        found = super().settle(follow=follow, until=until)
+        self._finer.settle(until=until)
         state = self.state
         angles = {"link_angle": state.link_angle, "link_rate": state.link_rate} if self.arm_names else {}
         self._finer.start_from(state.position, state.velocity, **angles)

@@ -10,6 +10,8 @@ from ldcs_ros.integrators.esdirk43 import Esdirk43
 from ldcs_ros.schema.paths import get_value
 from ldcs_ros.simulation.run_sensitivity import TangentRun
 
+# It turns with the sheet, and so does its derivative.
+WRENCH = {"wrench": {"frame": "P1", "force": [0.1, 0.05, 0.1], "torque": [0.002, 0.003, 0.001]}}
 CONTENT = {
     "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [4, 4], "mass": 0.16},
     "points": {"P0": ["mid", 2, 2], "P1": {"x": 0.13, "y": 0.01}},
@@ -21,7 +23,7 @@ CONTENT = {
         {"type": "arms", "drive": "pressure", "joint_stiffness": 0.34, "links": 3},
         {"type": "wrench"},
     ],
-    "inputs": [{"time": 0.0, "pressure": 100e3}, {"time": 0.15, "pressure": [60e3, 120e3]}],
+    "inputs": [{"time": 0.0, "pressure": 100e3, **WRENCH}, {"time": 0.15, "pressure": [60e3, 120e3]}],
     "solver": {"accuracy": 1e-5},
 }
 PATHS = {
@@ -120,7 +122,7 @@ def test_stated_errors_hold_against_the_converged_motion():
         scale = np.abs(slope).max()
         assert gap.max() < 2e-3 * scale
         assert (gap <= found.error[:, :, column] + 1e-4 * scale).mean() > 0.9
-        assert found.error[:, :, column].max() < 0.01 * scale
+        assert found.error[:, :, column].max() < 0.02 * scale
 
 
 def test_a_settled_run_stays_on_the_branch_of_rest_states():

@@ -15,6 +15,8 @@ from ldcs_ros.physics.model import Model
 
 # Directions of one search; kept factors of a step need three to six.
 MOST_DIRECTIONS = 12
+# The contraction of one direction may be so much worse than that of the one before.
+CONTRACTION_SAFETY = 2.0
 # Step of the differences of the arms' inertia, a cosine of angles [rad]: truncation and rounding are near 1e-11.
 ANGLE_STEP = 1e-5
 
@@ -27,23 +29,39 @@ class SparseMatrix:
         starts: First entry of each row, shape (n + 1,).
         columns: Column of each entry, shape (n_entries,).
         values: The entries.
+        whole: Coordinates whose columns are whole, shape (m,), and these columns, shape (n, m), beside the entries.
     """
 
     starts: np.ndarray
     columns: np.ndarray
     values: np.ndarray
+    whole: tuple[np.ndarray, np.ndarray] | None = None
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         if not HAVE_NUMBA:
             return np.asarray(self.to_scipy() @ x)
         result = np.zeros(x.shape)
         _add_product(self.starts, self.columns, self.values, x, result)
+        if self.whole is not None:
+            result += self.whole[1] @ x[self.whole[0]]
         return result
+
+    def transposed(self) -> SparseMatrix:
+        """Return the transposed matrix."""
+        turned = self.to_scipy().T.tocsr()
+        return SparseMatrix(turned.indptr, turned.indices, turned.data)
 
     def to_scipy(self) -> sparse.csr_matrix:
         """Return the same as a scipy.sparse.csr_matrix."""
         n = len(self.starts) - 1
-        return sparse.csr_matrix((self.values, self.columns, self.starts), shape=(n, n))
+        found = sparse.csr_matrix((self.values, self.columns, self.starts), shape=(n, n))
+        if self.whole is not None:
+            place = sparse.csr_matrix(
+                (np.ones(len(self.whole[0])), (np.arange(len(self.whole[0])), self.whole[0])),
+                shape=(len(self.whole[0]), n),
+            )
+            found = found + sparse.csr_matrix(self.whole[1]) @ place
+        return found
 
 
 @compiled
@@ -53,6 +71,20 @@ def _add_product(starts, columns, values, x, result):  # type: ignore[no-untyped
             value, j = values[entry], columns[entry]
             for c in range(x.shape[1]):
                 result[i, c] += value * x[j, c]
+
+
+@compiled
+def _add_balance(starts, columns, by_q, by_u, mass, q, u, a, result):  # type: ignore[no-untyped-def]
+    # One pass over the pattern that the three matrices share.
+    for i in range(starts.size - 1):
+        for entry in range(starts[i], starts[i + 1]):
+            stiff, damp, heavy, j = by_q[entry], by_u[entry], mass[entry], columns[entry]
+            if heavy == 0.0:
+                for c in range(q.shape[1]):
+                    result[i, c] += stiff * q[j, c] + damp * u[j, c]
+            else:
+                for c in range(q.shape[1]):
+                    result[i, c] += stiff * q[j, c] + damp * u[j, c] - heavy * a[j, c]
 
 
 class Linearisation:
@@ -100,17 +132,31 @@ class Linearisation:
         if blocks is not None:
             mass[self._inner] = blocks.ravel()
             position[self._inner] -= self._inertia_slope(q, a).ravel()
-        return self._matrix(position), self._matrix(rate), self._matrix(mass)
+        return self._matrix(position, self._turning(q, held)), self._matrix(rate), self._matrix(mass)
+
+    def _turning(self, q: np.ndarray, held: HeldCommands) -> tuple[np.ndarray, np.ndarray] | None:
+        # The Jacobian leaves out how wrenches turn with the sheet: iterations may, derivatives may not.
+        model = self._model
+        if model.wrench is None or not held.wrenches:
+            return None
+        columns, slope = model.wrench.position_slope(q, held)
+        is_free = np.isin(columns, model.free)
+        if not is_free.any():
+            return None
+        return np.searchsorted(model.free, columns[is_free]), slope[np.ix_(model.free, is_free)]
 
     def stage(
         self, matrices: tuple[SparseMatrix, SparseMatrix, SparseMatrix], rate_step: float
     ) -> SparseMatrix:
         """Return W = M - h df/du - h^2 d(f - M a)/dq of matrices from `at`."""
         position, rate, mass = matrices
-        return self._matrix(mass.values - rate_step * (rate.values + rate_step * position.values))
+        whole = position.whole
+        if whole is not None:
+            whole = whole[0], -(rate_step**2) * whole[1]
+        return self._matrix(mass.values - rate_step * (rate.values + rate_step * position.values), whole)
 
-    def _matrix(self, values: np.ndarray) -> SparseMatrix:
-        return SparseMatrix(self._starts, self._columns, values)
+    def _matrix(self, values: np.ndarray, whole: tuple[np.ndarray, np.ndarray] | None = None) -> SparseMatrix:
+        return SparseMatrix(self._starts, self._columns, values, whole)
 
     def _inertia_slope(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return d(M a)/d(angles) of each arm, shape (n_arms, n, n); one link of every arm turns at a time."""
@@ -130,25 +176,47 @@ class Linearisation:
         return slope
 
 
+def add_balance(
+    matrices: tuple[SparseMatrix, SparseMatrix, SparseMatrix],
+    q: np.ndarray,
+    u: np.ndarray,
+    a: np.ndarray,
+    result: np.ndarray,
+) -> None:
+    """Add d(f - M a)/dq q + df/du u - M a to a result, of matrices from `Linearisation.at`, shape (n, k) each."""
+    position, rate, mass = matrices
+    if HAVE_NUMBA:
+        values = position.values, rate.values, mass.values
+        _add_balance(position.starts, position.columns, *values, q, u, a, result)
+        if position.whole is not None:
+            result += position.whole[1] @ q[position.whole[0]]
+    else:
+        result += position @ q + rate @ u - mass @ a
+
+
 def solve_stage(
     matrix: SparseMatrix,
     factors: Factors,
-    right: np.ndarray,
+    left_over: np.ndarray,
     guess: np.ndarray,
     weight: np.ndarray,
     relative: float,
-) -> np.ndarray:
+    contraction: float,
+) -> tuple[np.ndarray, float]:
     """Return the solution of W x = right for many right sides, by GMRES with kept factors of a nearby matrix.
+
+    Also returned is the contraction: the part of an error that a further direction leaves.
 
     Args:
         matrix: W, shape (n, n).
         factors: Factors of a matrix near W.
-        right: Right sides, shape (n, k).
+        left_over: right - W guess, shape (n, k).
         guess: First guess, shape (n, k).
         weight: Weight of each coordinate's square in norms, shape (n,).
         relative: Error that each column may keep, relative to its norm.
+        contraction: That of an earlier stage with these factors; 1 if none is known.
     """
-    first = factors.solve(right - matrix @ guess)
+    first = factors.solve(left_over, single=True)
     n, k = first.shape
     basis = np.empty((MOST_DIRECTIONS + 1, n, k))
     hessenberg = np.zeros((MOST_DIRECTIONS + 1, MOST_DIRECTIONS, k))
@@ -158,13 +226,23 @@ def solve_stage(
     basis[0] /= np.where(known[0] > 0.0, known[0], 1.0)
     # A column that begins has a guess of zero: the first correction is the size of its solution.
     allowed = relative * np.maximum(np.sqrt(np.einsum("n,nk,nk->k", weight, guess, guess)), known[0])
+    before = np.abs(known[0])
     for count in range(MOST_DIRECTIONS):
-        if (np.abs(known[count]) <= allowed).all():
-            return guess + _combined(basis, hessenberg, known, count)
-        basis[count + 1] = factors.solve(matrix @ basis[count])
+        rest = np.abs(known[count])
+        if count > 0:
+            # Columns that were at their limit already measure rounding.
+            measured = before > 0.1 * allowed
+            if measured.any():
+                contraction = float((rest[measured] / before[measured]).max())
+        # The residual is a correction, too: it leaves the part of itself that one more direction would.
+        if (rest * min(CONTRACTION_SAFETY * contraction, 1.0) <= allowed).all():
+            return guess + _combined(basis, hessenberg, rotations, known, count), contraction
+        before = rest
+        basis[count + 1] = factors.solve(matrix @ basis[count], single=True)
         _extend(basis, hessenberg, rotations, known, count, weight)
     # Kept factors of another contact or of a violent step: the exact matrix costs more, and is always right.
-    return np.asarray(sparse_linalg.splu(matrix.to_scipy().tocsc()).solve(right))
+    exact = sparse_linalg.splu(matrix.to_scipy().tocsc())
+    return guess + np.asarray(exact.solve(left_over)), 1.0
 
 
 @compiled
@@ -209,17 +287,23 @@ def _extend(basis, hessenberg, rotations, known, j, weight):  # type: ignore[no-
 
 
 @compiled
-def _combined(basis, hessenberg, known, count):  # type: ignore[no-untyped-def]
-    # The combination of the basis with the least residual.
+def _combined(basis, hessenberg, rotations, known, count):  # type: ignore[no-untyped-def]
+    # The combination of the basis with the least residual, and that residual.
     n, k = basis.shape[1], basis.shape[2]
-    result, part = np.zeros((n, k)), np.zeros((count, k))
+    result, part, rest = np.zeros((n, k)), np.zeros((count + 1, k)), np.zeros(count + 1)
     for c in range(k):
+        rest[:] = 0.0
+        rest[count] = known[count, c]
         for m in range(count - 1, -1, -1):
             value = known[m, c]
             for later in range(m + 1, count):
                 value -= hessenberg[m, later, c] * part[later, c]
             part[m, c] = value / hessenberg[m, m, c] if hessenberg[m, m, c] != 0.0 else 0.0
-    for m in range(count):
+            cosine, sine, below = rotations[0, m, c], rotations[1, m, c], rest[m + 1]
+            rest[m], rest[m + 1] = -sine * below, cosine * below
+        for m in range(count + 1):
+            part[m, c] += rest[m]
+    for m in range(count + 1):
         for i in range(n):
             for c in range(k):
                 result[i, c] += part[m, c] * basis[m, i, c]

@@ -112,6 +112,10 @@ class Factors:
             other._rotated = rotated_vectors
         return other
 
+    def transposed(self) -> Factors:
+        """Return the factors of W^T: of H W0 G^T where W is G W0 H^T."""
+        return self if self._turns is None else self.turned(self._turns[::-1], self._scale)
+
     def unscaled(self) -> Factors:
         """Return the factors for the h that they were made with."""
         return self if self._scale == 1.0 else self.turned(self._turns, 1.0)
@@ -125,13 +129,16 @@ class Factors:
             return self._nodes, self._border, self._reach, self._corner
         return self._nodes, np.zeros((self._n, 0)), np.zeros((self._n, 0)), np.zeros((0, 0))
 
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """Return W^-1 right for free coordinates, shape (n_free,) or (n_free, k)."""
+    def solve(self, right: np.ndarray, *, single: bool = False) -> np.ndarray:
+        """Return W^-1 right for free coordinates, shape (n_free,) or (n_free, k); `single` allows that precision."""
         result = np.empty_like(right)
         nodes = right[self._order]
         if self._turns is not None:
             nodes = self._rotate(self._turns[0], nodes, back=True)
-        nodes = self._nodes.solve(nodes)
+        if single and isinstance(self._nodes, BandFactors):
+            nodes = self._nodes.solve_columns(nodes)
+        else:
+            nodes = self._nodes.solve(nodes)
         if len(right) > self._n:
             angles = self._corner @ (right[self._n :] - (nodes.T @ self._border).T)
             nodes -= self._reach @ angles

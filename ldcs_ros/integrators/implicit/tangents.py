@@ -9,7 +9,7 @@ import numpy as np
 
 from ldcs_ros.integrators.base import Step
 from ldcs_ros.integrators.implicit.esdirk import RATE_SHARE, Dirk
-from ldcs_ros.integrators.implicit.linearisation import Linearisation, solve_stage
+from ldcs_ros.integrators.implicit.linearisation import Linearisation, add_balance, solve_stage
 from ldcs_ros.physics.inputs import HeldCommands
 
 # d(f - M a)/dp of all columns at fixed free coordinates, rates and accelerations, shape (n_free, k).
@@ -130,7 +130,7 @@ class TangentSteps:
         own_rates = np.empty((n_stages, len(free)))
         own_rates[0] = left.u[free]
         weight = self.reach**2
-        end_q = start.q
+        end_q, contraction = start.q, 1.0
         for i in range(1, n_stages):
             time, row = left.time + tableau.c[i] * h, h * tableau.a[i, :i]
             own_rates[i] = left.u[free] + row @ stages[:i] + rate_step * stages[i]
@@ -138,13 +138,16 @@ class TangentSteps:
             q[free] = left.q[free] + row @ own_rates[:i] + rate_step * own_rates[i]
             u[free] = own_rates[i]
             model.prescribe(time, q, u)
-            matrices = by_q, by_u, mass = self._linearisation.at(time, q, u, stages[i], held)
+            matrices = _, by_u, mass = self._linearisation.at(time, q, u, stages[i], held)
             matrix = self._linearisation.stage(matrices, rate_step)
             known_q = start.q + np.tensordot(row, rates[:i], 1)
             known_u = start.u + np.tensordot(row, bends[:i], 1)
-            right = forces(time, q, u, stages[i]) + by_q @ (known_q + rate_step * known_u) + by_u @ known_u
             guess = self._guess(bends, tableau.c, i)
-            bends[i] = solve_stage(matrix, factors[i - 1], right, guess, weight, solved)
+            left_over, guessed_rate = forces(time, q, u, stages[i]), known_u + rate_step * guess
+            add_balance(matrices, known_q + rate_step * guessed_rate, guessed_rate, guess, left_over)
+            bends[i], contraction = solve_stage(
+                matrix, factors[i - 1], left_over, guess, weight, solved, contraction
+            )
             rates[i] = known_u + rate_step * bends[i]
             end_q = known_q + rate_step * rates[i]
         end = Tangents(end_q, rates[-1], bends[-1])
