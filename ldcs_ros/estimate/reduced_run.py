@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse.linalg import splu
+from scipy.spatial.distance import cdist
 
 from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.estimate.manifold import QuadraticManifold, fit_manifold
@@ -21,9 +22,11 @@ STEPS = 2  # in a period
 H = PERIOD / STEPS
 TOLERANCE = 2e-5  # of an iteration, displacement of all nodes together [m]
 MOST_ITERATIONS = 20
-LEADING = 10  # coordinates that the projection depends on
-PLACES = 500  # shapes at which it is computed
-COMPONENTS = 24
+LEADING = 10  # coordinates that the quadratic part of the projection depends on
+PLACES = 1200  # shapes at which it is computed
+COMPONENTS = 40  # stiff coordinates have small entries and large forces: 24 leave errors of a millimetre
+SMOOTHING = 1e-4
+RANK = 1e-12  # of the largest eigenvalue of the components: below it is rounding
 WILDEST_SECANT = 20.0
 FORGETTING = 0.1  # s: time constant of the error that the steps leave
 AIM = 3.2  # the estimate over the expected largest error
@@ -38,7 +41,8 @@ class ReducedRun:
     All forces are those of the full model, in one compiled call. The residual vanishes in the projection V S^-1, with
     S the Jacobian of the step and V the encoder: the result is the shape of the manifold nearest to the full model's.
     A projection on the manifold's own tangents weighs stiff directions more and is millimetres off.
-    V S^-1 depends on the shape: a quadratic function of the leading z in its main components, fitted at samples.
+    V S^-1 depends on the shape, by kinks where supports let go. Its main components are a quadratic function of the
+    leading z plus what samples differ from it, interpolated by their distances.
 
     Args:
         scene: A scene whose arms are driven by pressure, with axial springs.
@@ -188,12 +192,15 @@ class ReducedRun:
 
     def _features(self, z: np.ndarray) -> np.ndarray:
         leading = z[:LEADING]
-        first, second = np.triu_indices(len(leading))
-        return np.concatenate([[1.0], leading, leading[first] * leading[second]])
+        return np.concatenate([[1.0], leading, leading[self._first] * leading[self._second]])
 
     def _projection_at(self, z: np.ndarray) -> np.ndarray:
-        fractions = np.append(self._features(z) @ self._fractions, 1.0).astype(np.float32)
-        return (fractions @ self._components).astype(float).reshape(self.manifold.n, -1)
+        at = z * self._metric
+        square = self._squares + at @ at - 2.0 * (self._places @ at)
+        far = np.sqrt(np.maximum(square, 0.0))
+        fractions = self._features(z) @ self._fractions - far @ self._differences
+        row = np.append(fractions, 1.0).astype(np.float32) @ self._components
+        return row.astype(float).reshape(self.manifold.n, -1)
 
     def _exact_projection(self, z: np.ndarray) -> np.ndarray:
         model, at, free = self._model, self._at, self._model.free
@@ -210,6 +217,7 @@ class ReducedRun:
         manifold = self.manifold
         reach = manifold.high - manifold.low
         self._low, self._high = manifold.low - MARGIN * reach, manifold.high + MARGIN * reach
+        self._first, self._second = np.triu_indices(min(LEADING, manifold.n))
         # Half of the shapes far from each other, half of them as often as they occur.
         leading = (z * manifold.scale)[:, :LEADING]
         chosen, apart = [0], ((leading - leading[0]) ** 2).sum(axis=1)
@@ -217,13 +225,25 @@ class ReducedRun:
             chosen.append(int(apart.argmax()))
             apart = np.minimum(apart, ((leading - leading[chosen[-1]]) ** 2).sum(axis=1))
         chosen += np.linspace(0, len(z) - 1, PLACES - len(chosen)).astype(int).tolist()
+        chosen = sorted(set(chosen))
         exact = np.array([self._exact_projection(z[k]).ravel() for k in chosen])
         mean = exact.mean(axis=0)
-        _, _, components = np.linalg.svd(exact - mean, full_matrices=False)
-        components = components[:COMPONENTS]
+        exact -= mean
+        # The components are eigenvectors of the smaller of both Gram matrices.
+        values, vectors = np.linalg.eigh(exact @ exact.T)
+        kept = np.flatnonzero(values > RANK * values[-1])[-COMPONENTS:]
+        components = (vectors[:, kept] / np.sqrt(values[kept])).T @ exact
+        wanted = exact @ components.T
         features = np.array([self._features(z[k]) for k in chosen])
         gram = features.T @ features + 1e-6 * len(features) * np.eye(features.shape[1])
-        self._fractions = np.linalg.solve(gram, features.T @ ((exact - mean) @ components.T))
+        self._fractions = np.linalg.solve(gram, features.T @ wanted)
+        self._metric = np.sqrt(manifold.scale / manifold.scale[0])
+        self._places = z[chosen] * self._metric
+        self._squares = (self._places**2).sum(axis=1)
+        far = cdist(self._places, self._places)
+        self._differences = np.linalg.solve(
+            far - SMOOTHING * np.eye(len(far)), features @ self._fractions - wanted
+        )
         self._components = np.vstack([components, mean]).astype(np.float32)
 
     def _calibrate(self, runs: Sequence[FullRun]) -> None:
