@@ -138,6 +138,7 @@ def _accuracy(rows: Sequence[Row]) -> Iterator[str]:
         by = {row.value: row.error for row in made if row.scene == scene}
         lines.append((f"`{scene}`", *(f"{by[a] / a:.2f}" if a in by else "-" for a in ACCURACIES)))
     yield markdown_table(("scene", *(f"{a:.0e} m" for a in ACCURACIES)), lines)
+    yield "Random scenes, violent events, velocities, orientations and joint angles: [accuracy.md](accuracy.md)."
 
 
 def _verified(rows: Sequence[Row]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from ldcs_ros.study.accuracy.equations import Equations
 from ldcs_ros.study.accuracy.measure import Pair, pairs
 from ldcs_ros.study.accuracy.random_scenes import Case, random_case
 from ldcs_ros.study.accuracy.reference import reference
-from ldcs_ros.study.accuracy.report import figures, write
+from ldcs_ros.study.accuracy.report import draw, figures, page, read_pairs, write_pairs
 from ldcs_ros.study.accuracy.shipped_cases import shipped_cases
 from ldcs_ros.study.accuracy.violent_cases import violent_cases
 
@@ -21,7 +21,9 @@ def _scenes():
     return [*drawn, *((name, load_scene(name).content) for name in shipped_scenes())]
 
 
-@pytest.mark.parametrize(("name", "content"), _scenes(), ids=lambda value: value if isinstance(value, str) else "")
+@pytest.mark.parametrize(
+    ("name", "content"), _scenes(), ids=lambda value: value if isinstance(value, str) else ""
+)
 def test_the_independent_equations_give_the_accelerations_of_the_model(name, content):
     scene = load_scene(content)
     simulation = scene.build()
@@ -78,12 +80,21 @@ def test_a_smooth_fall_is_within_the_asked_accuracy_of_the_reference_and_the_stu
         ],
     }
     case = Case("clamped_cell", content, 0.2, looks=10)
-    found = list(pairs([case], (1e-3, 1e-5), cache=tmp_path, seconds=30.0))
-    assert [pair.asked for pair in found] == [1e-3, 1e-5]
-    assert all(1e-12 < pair.real <= pair.asked for pair in found)
+    found = list(pairs(case, (1e-3, 1e-5), cache=tmp_path, seconds=30.0))
+    assert [(pair.asked, pair.reference) for pair in found] == [(1e-3, "SciPy"), (1e-5, "SciPy")]
+    for pair in found:
+        assert 1e-12 < pair.real <= pair.asked
+        assert 0.0 < pair.velocity <= min(pair.velocity_promise, 1.5 * pair.velocity_estimate)
     assert list(tmp_path.glob("*.npz"))
-    table, picture = write(found, tmp_path)
-    assert table.read_text().count("clamped_cell") == 2 and picture.stat().st_size > 1000
+    finer = list(pairs(case, (1e-3, 1e-5), cache=tmp_path / "none", seconds=0.0))
+    assert [pair.reference for pair in finer] == ["finer run"] * 2
+    assert [pair.real for pair in finer] == pytest.approx([pair.real for pair in found], rel=0.1)
+    assert finer[1].velocity == pytest.approx(found[1].velocity, rel=0.1)
+    write_pairs(found, tmp_path)
+    assert read_pairs(tmp_path)[1].real == pytest.approx(found[1].real, rel=1e-3)
+    assert "| asked 0.001 m | 1 | 100% |" in page(found, "command")
+    draw(found, tmp_path / "accuracy.png")
+    assert (tmp_path / "accuracy.png").stat().st_size > 1000
 
 
 def test_the_figures_count_missed_accuracies_and_silent_estimates():

@@ -52,11 +52,24 @@ def start_velocity(case: Case, rest: np.ndarray) -> np.ndarray | None:
 def reference(
     case: Case, *, cache: Path = CACHE, seconds: float = 60.0, tolerance: float = TOLERANCE
 ) -> np.ndarray:
-    """Return the positions of all nodes at the looks of a case [m], shape (looks, n_nodes, 3).
+    """Return the positions of all nodes at the looks of a case [m], shape (looks, n_nodes, 3); raises as below."""
+    return _course(case, cache, seconds, tolerance, "positions")["positions"]
+
+
+def reference_motion(
+    case: Case, *, cache: Path = CACHE, seconds: float = 60.0, tolerance: float = TOLERANCE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the coordinates [m, rad] and rates [m/s, rad/s] at the looks of a case, both (looks, n_coordinates).
 
     Raises:
         TooSlow: The reference takes longer than `seconds` of computing.
     """
+    course = _course(case, cache, seconds, tolerance, "rates")
+    return course["coordinates"], course["rates"]
+
+
+def _course(case: Case, cache: Path, seconds: float, tolerance: float, wanted: str) -> dict[str, np.ndarray]:
+    # What is stored of a case if `wanted` is among it, or what is computed and stored now.
     key = json.dumps(
         [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks, tolerance],
         sort_keys=True,
@@ -65,18 +78,19 @@ def reference(
     path = cache / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     if path.exists():
         with np.load(path) as stored:
-            if "positions" in stored:
-                return np.asarray(stored["positions"])
-            if float(stored["too_slow"]) >= seconds:
+            if wanted in stored:
+                return dict(stored)
+            if "too_slow" in stored and float(stored["too_slow"]) >= seconds:
                 raise TooSlow(case.name)
     cache.mkdir(parents=True, exist_ok=True)
     try:
-        positions = _solve(case, seconds, tolerance)
+        q, u = _solve(case, seconds, tolerance)
     except TooSlow:
         np.savez(path, too_slow=seconds)
         raise
-    np.savez_compressed(path, positions=positions)
-    return positions
+    positions = q[:, : 3 * load_scene(case.content).lattice.n_nodes].reshape(len(q), -1, 3)
+    np.savez_compressed(path, positions=positions, coordinates=q, rates=u)
+    return {"positions": positions, "coordinates": q, "rates": u}
 
 
 def looks_of(case: Case) -> np.ndarray:
@@ -84,7 +98,7 @@ def looks_of(case: Case) -> np.ndarray:
     return np.linspace(0.0, case.duration, case.looks + 1)[1:]
 
 
-def _solve(case: Case, seconds: float, tolerance: float) -> np.ndarray:
+def _solve(case: Case, seconds: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     scene = load_scene(case.content)
     equations = Equations(scene)
     free, n = equations.free, len(equations.free)
@@ -98,7 +112,7 @@ def _solve(case: Case, seconds: float, tolerance: float) -> np.ndarray:
     events = _events(scene, equations, case.duration)
     pattern = equations.pattern() if n >= SPARSE_SIZE else None
     looks = looks_of(case)
-    positions = np.empty((len(looks), equations.n, 3))
+    course = np.empty((2, len(looks), equations.n_coordinates))
     y = np.concatenate([q[free], u[free]])
     deadline = wall_clock.process_time() + seconds
 
@@ -130,9 +144,9 @@ def _solve(case: Case, seconds: float, tolerance: float) -> np.ndarray:
             for k in np.flatnonzero((looks > solver.t_old + 1e-12) & (looks <= solver.t + 1e-12)):
                 curve = curve or solver.dense_output()
                 place(looks[k], curve(min(looks[k], solver.t)))
-                positions[k] = q[: 3 * equations.n].reshape(-1, 3)
+                course[:, k] = q, u
         y = solver.y
-    return positions
+    return course[0], course[1]
 
 
 def equilibrium(case: Case, position: np.ndarray, angles: np.ndarray) -> np.ndarray:
