@@ -128,20 +128,40 @@ class AdaptiveSteps:
         none = self.integrator.initial_error()
         return Pace(h, errors=() if none is None else (none,))
 
+    def answers_jumps(self, pace: Pace) -> bool:
+        """Return whether the next step finds the jumps of commands by itself."""
+        return False
+
     def corner(self, pace: Pace) -> Pace:
         """Return the pace after a command or drive changed abruptly."""
         return replace(pace, h=CORNER_SHARE * pace.h, ceiling=math.inf)
 
     def advance(
-        self, motion: Motion, inputs: HeldCommands, pace: Pace, stop: float, *, opening: bool
+        self,
+        motion: Motion,
+        inputs: HeldCommands,
+        pace: Pace,
+        stop: float,
+        *,
+        opening: bool,
+        until: float = math.inf,
+        expected: float = math.inf,
     ) -> tuple[Step, Pace]:
         """Take one step that does not pass the time `stop` [s]; return it and the pace for the next.
 
-        With `opening` it follows a command: it begins as the last step after a command has shown to be right.
+        Args:
+            motion: Where it starts.
+            inputs: What is commanded.
+            pace: What the control remembers.
+            stop: Time not to be passed [s].
+            opening: It follows a command: it begins as the last step after a command has shown to be right.
+            until: Time that is asked for [s]; steps follow the motion, not this time.
+            expected: Time of the next command, if commands go on as before [s].
 
         Raises:
             DivergenceError: No step above the smallest one can be taken.
         """
+        stop = min(stop, expected)
         self.integrator.counters.evaluations += 1  # by the damping rate
         decay_rate = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
         h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
@@ -239,18 +259,31 @@ class FixedSteps:
         """Return the pace at a start."""
         return Pace(self.h)
 
+    def answers_jumps(self, pace: Pace) -> bool:
+        """Return whether the next step finds the jumps of commands by itself."""
+        return False
+
     def corner(self, pace: Pace) -> Pace:
         """Return the pace after a command or drive changed abruptly: the same."""
         return pace
 
     def advance(
-        self, motion: Motion, inputs: HeldCommands, pace: Pace, stop: float, *, opening: bool
+        self,
+        motion: Motion,
+        inputs: HeldCommands,
+        pace: Pace,
+        stop: float,
+        *,
+        opening: bool,
+        until: float = math.inf,
+        expected: float = math.inf,
     ) -> tuple[Step, Pace]:
         """Take one step that does not pass `stop`; raises DivergenceError if it cannot be taken.
 
         A step whose iteration does not converge is counted as rejected and taken in parts: still an answer. The
         pace then asks for what is left of it.
         """
+        stop = min(stop, expected)
         clipped = motion.time + pace.h * (1 + 1e-6) >= stop
         whole = stop - motion.time if clipped else pace.h
         h = whole

@@ -56,6 +56,7 @@ class Inputs:
         self._each = () if model.arms is None else model.arms.each
         self._names = () if model.arms is None else model.arms.names
         self._links = 0 if model.arms is None else model.arms.n_links
+        self._torque_limit = np.array([own.torque_limit for own in self._each])
         self.version = 0
         self.clear()
 
@@ -124,15 +125,15 @@ class Inputs:
         self._check_drive("torque")
         n, links = len(self._each), self._links
         given = self._numbers(value, "torque", "N m", ((), (n,), (n, links)))
-        limit = np.array([own.torque_limit for own in self._each])
-        torque = np.broadcast_to(given[:, None] if given.shape == (n,) else given, (n, links))
+        torque, limit = np.empty((n, links)), self._torque_limit
+        torque[:] = given[:, None] if given.shape == (n,) else given
         if (np.abs(torque) > limit[:, None]).any():
             raise CommandError(
                 f"torque: got {_shown(given)} N m, expected at most {self._of_each(limit)} N m"
             )
-        if self.torque is not None and np.array_equal(torque, self.torque):
+        if self.torque is not None and (torque == self.torque).all():
             return
-        self.torque = torque.copy()
+        self.torque = torque
         self.version += 1
 
     def set_wrench(

@@ -6,6 +6,7 @@ import math
 import time as wall_clock
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ import numpy as np
 from ldcs_ros.errors import SceneError, SolverError
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import Counters, Step
+from ldcs_ros.integrators.command_steps import CommandSteps
 from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.state import State
@@ -150,7 +152,8 @@ class Simulation(ReadableSimulation):
             raise ValueError(f"cannot advance to {time!r} s, expected a time of at least {self.time:.9g} s")
         started = wall_clock.perf_counter()
         try:
-            with one_thread():
+            # The formula for commands uses no BLAS, and the switch costs as much as one of its steps.
+            with nullcontext() if self.follows_commands else one_thread():
                 self._advance(time)
         finally:
             self._count(wall_clock.perf_counter() - started)
@@ -224,6 +227,21 @@ class Simulation(ReadableSimulation):
     def last_step(self) -> Step:
         """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
         return self._step
+
+    def follow_commands(self) -> None:
+        """Have commands at a rate followed by the compiled two-step formula from now on; docs/solver.md says when.
+
+        Raises:
+            ValueError: The scene names a method or a fixed step.
+        """
+        if self.scene.solver.integrator != "auto" or self.accuracy is None:
+            raise ValueError("follow_commands: expected a scene with 'integrator: auto' and an accuracy")
+        self._control = CommandSteps(self.integrator, self.accuracy, one_thread)
+
+    @property
+    def follows_commands(self) -> bool:
+        """Whether the two-step formula for commands at a rate takes the steps at present."""
+        return self._control.answers_jumps(self._pace)
 
     def settle(self, *, follow: bool = False, until: float = math.inf) -> Stability:
         """Move to an equilibrium: schedule and smooth rises done, chambers filled, all forces in balance.
@@ -351,6 +369,9 @@ class Simulation(ReadableSimulation):
     def follow(self, follower: StepFollower) -> None:
         """Have every step from now on followed; the follower's own errors take the place of a transported one."""
         self._follower = follower
+        if isinstance(self._control, CommandSteps):
+            # A follower sees every step.
+            self._control = AdaptiveSteps(self.integrator, self._control.accuracy)
         self._pace = replace(self._pace, errors=())
 
     # -- inside
@@ -386,10 +407,20 @@ class Simulation(ReadableSimulation):
     def _integrate_to(self, stop: float) -> None:
         while self._step.right.time < stop - TIME_TOLERANCE:
             start = self._step.right
-            corners = (self._schedule.next_event(), self._next_command_time, *self.model.breakpoints)
+            corners = (self._schedule.next_event(), *self.model.breakpoints)
             barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
-            opening = start.time == self._last_command_time
-            self._take_step(*self._control.advance(start, self._held, self._pace, barrier, opening=opening))
+            expected = self._next_command_time
+            self._take_step(
+                *self._control.advance(
+                    start,
+                    self._held,
+                    self._pace,
+                    barrier,
+                    opening=start.time == self._last_command_time,
+                    until=stop,
+                    expected=expected if expected > start.time + TIME_TOLERANCE else math.inf,
+                )
+            )
 
     def _take_step(self, step: Step, pace: Pace) -> None:
         if self._follower is not None:
@@ -410,12 +441,23 @@ class Simulation(ReadableSimulation):
         # A command acts now: the step beyond now is dropped, and the smooth part of the acceleration stays.
         if self.inputs.version == self._input_version:
             return
-        motion, held = self.motion(), self.inputs.held()
+        held, before = self.inputs.held(), self._held
+        if (
+            held.torque is before.torque
+            and held.chambers is before.chambers
+            and held.wrenches is before.wrenches
+        ):
+            # A command that waits in a valve changes nothing yet.
+            self._input_version = self.inputs.version
+            return
+        motion = self.motion()
         if motion.time != self.time:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
-        jump = self.integrator.jump(motion, self._held, held)
-        lasting = motion.a + self.integrator.smooth_jump(motion, jump)
-        motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
+        if not self._control.answers_jumps(self._pace):
+            with one_thread():
+                jump = self.integrator.jump(motion, self._held, held)
+                lasting = motion.a + self.integrator.smooth_jump(motion, jump)
+            motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._input_version = held, self.inputs.version
         self._pace = self._pace.left_at(self._step, self.time)
         self._step = Step(motion, motion, 0.0)
@@ -434,6 +476,7 @@ class Simulation(ReadableSimulation):
             scene.material,
             scene.inputs,
             self.integrator.name,
+            type(self._control).__name__,
         )
 
     def _restore(self, state: State) -> None:
