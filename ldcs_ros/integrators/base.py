@@ -181,6 +181,10 @@ class Integrator:
         """
         raise NotImplementedError
 
+    def damping_rate(self, motion: Motion, inputs: HeldCommands) -> float:
+        """Return the rate at which a motion's amplitude decays [1/s]; see `Model.damping_rate`."""
+        return self.model.damping_rate(motion, inputs)
+
     def initial_error(self) -> ErrorState | None:
         """Return the error of a given start, none, or None if the method transports no errors."""
         return None

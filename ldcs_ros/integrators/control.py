@@ -163,7 +163,7 @@ class AdaptiveSteps:
         """
         stop = min(stop, expected)
         self.integrator.counters.evaluations += 1  # by the damping rate
-        decay_rate = max(self.integrator.model.damping_rate(motion, inputs), 1.0 / HORIZON)
+        decay_rate = max(self.integrator.damping_rate(motion, inputs), 1.0 / HORIZON)
         h, rejected, ceiling = min(pace.h, pace.opening) if opening else pace.h, False, pace.ceiling
         room, added_before = self._room(pace.errors), math.inf
         while True:

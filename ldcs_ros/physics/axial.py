@@ -81,6 +81,46 @@ def _fill_jacobian_loop(  # type: ignore[no-untyped-def]
                 by_rate[n_nodes + n_springs + s, r, t] = damp
 
 
+@compiled
+def add_stiffness(q, a, b, rest_length, rest_axis, weight, slots, matrix):  # type: ignore[no-untyped-def]
+    """Add weight n n^T of every spring to the symmetric matrix of the nodes, without a list of entries between.
+
+    Args:
+        q: Coordinates [m].
+        a, b, rest_length, rest_axis: The springs.
+        weight: Of each spring, shape (n_springs,).
+        slots: Places in the matrix of the lower halves of the blocks (a, a) and (b, b), row by row, and of the block
+            (a, b), shape (n_springs, 21); -1 for an entry that the matrix has not.
+        matrix: Values at their slots.
+    """
+    n = np.empty(3)
+    for s in range(a.size):
+        square = 0.0
+        for r in range(3):
+            n[r] = q[3 * b[s] + r] - q[3 * a[s] + r]
+            square += n[r] * n[r]
+        length = math.sqrt(square)
+        if length > LOST_LENGTH * rest_length[s]:
+            for r in range(3):
+                n[r] /= length
+        else:
+            n[:] = rest_axis[s]
+        k = 0
+        for r in range(3):
+            for t in range(r + 1):
+                value = weight[s] * n[r] * n[t]
+                if slots[s, k] >= 0:
+                    matrix[slots[s, k]] += value
+                if slots[s, 6 + k] >= 0:
+                    matrix[slots[s, 6 + k]] += value
+                k += 1
+        for r in range(3):
+            for t in range(3):
+                slot = slots[s, 12 + 3 * r + t]
+                if slot >= 0:
+                    matrix[slot] -= weight[s] * n[r] * n[t]
+
+
 def _axes(q, a, b, rest_length, rest_axis):  # type: ignore[no-untyped-def]
     x = q[: 3 * (b.max() + 1)].reshape(-1, 3)
     d = x[b] - x[a]

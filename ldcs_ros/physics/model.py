@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ldcs_ros.physics.effects.base import Assembly, Effect, Term, coordinates
+from ldcs_ros.physics.effects.base import NO_VALUES, Assembly, Effect, Term, coordinates
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.lattice import LAYERS, Lattice
 from ldcs_ros.physics.points import Point
@@ -253,6 +253,7 @@ class Model:
         *,
         positive_definite: bool,
         corotated: bool = False,
+        without: Term | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the values of d(force)/dq and d(force)/du at `jacobian_pattern`.
 
@@ -263,13 +264,17 @@ class Model:
             inputs: Commands held at that time.
             positive_definite: Of the stable part only.
             corotated: Without the unsymmetric part of a rotating sheet; `LinearSystem.turn` restores it.
+            without: A term whose values are left out.
         """
         values = [
             (term.corotated_jacobian if corotated and term.corotational else term.jacobian)(
                 time, q, u, inputs, positive_definite
             )
             for term in self.terms
+            if term is not without
         ]
+        if not values:
+            return NO_VALUES, NO_VALUES
         return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
 
     def potential_energy(self, time: float, q: np.ndarray) -> float:

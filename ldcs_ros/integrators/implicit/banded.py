@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle, sheet_places
+from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled_fast
 from ldcs_ros.physics.model import Model
 
 # From so many right sides on, block form is faster than LAPACK's column by column (9 x 9 nodes, BLAS on one core).
@@ -31,7 +32,8 @@ class Band:
         self.order = np.lexsort((axis, layer, j, i) if nx >= ny else (axis, layer, i, j))
         self.dtype = np.dtype(np.float64)
         row, column = lower_triangle(inverse_permutation(self.order), rows, columns)
-        self._width = int(np.max(row - column, initial=0)) + 1
+        # At least two, as the compiled solve takes two columns at a time.
+        self._width = int(np.max(row - column, initial=1)) + 1
         self.slots = row - column + column * self._width
         self.diagonal = np.arange(len(self.order)) * self._width
         self.size = len(self.order) * self._width
@@ -50,10 +52,16 @@ class Band:
 
 
 class BandFactors:
-    """The factors; `solve` applies the inverse."""
+    """The factors; `solve` applies the inverse.
+
+    Attributes:
+        lower: Column j of L from its diagonal on, shape (n, width); entries beyond the matrix are zero.
+        inverse_diagonal: Of L, shape (n,).
+    """
 
     def __init__(self, factors: np.ndarray) -> None:
-        self._factors = factors
+        self._factors, self.lower = factors, factors.T
+        self.inverse_diagonal = 1.0 / factors[0]
 
     @cached_property
     def _blocks(self) -> tuple[np.ndarray, np.ndarray]:
@@ -77,8 +85,15 @@ class BandFactors:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return the solution for a right side in the matrix's order, shape (n,) or (n, k)."""
-        solution: np.ndarray = lapack.dpbtrs(self._factors, right, lower=1)[0]
-        return solution
+        if not HAVE_NUMBA:
+            solution: np.ndarray = lapack.dpbtrs(self._factors, right, lower=1)[0]
+            return solution
+        columns = np.atleast_2d(right.T)
+        result = np.empty(columns.shape)
+        for column, solved in zip(columns, result, strict=True):
+            solved[:] = column
+            solve_band(self.lower, self.inverse_diagonal, solved)
+        return result.T if right.ndim > 1 else result[0]
 
     def solve_columns(self, right: np.ndarray) -> np.ndarray:
         """Return the same for shape (n, k); many columns in single precision, by products of matrices."""
@@ -97,3 +112,37 @@ class BandFactors:
         for k in range(len(x) - 2, -1, -1):
             x[k] -= link[k].T @ x[k + 1]
         return np.asarray(x.reshape(-1, right.shape[1])[: len(right)] * scale)
+
+
+@compiled_fast
+def solve_band(lower, inverse_diagonal, x):  # type: ignore[no-untyped-def]
+    """Replace a right side x, shape (n,), by the solution; half the time of LAPACK's dpbtrs at 9 x 9 nodes.
+
+    Two columns at a time read and write x once for both. Near the end columns are as long as what is left.
+    """
+    n, width = lower.shape
+    for j in range(0, n - 1, 2):
+        near, far = lower[j], lower[j + 1]
+        first = x[j] * inverse_diagonal[j]
+        second = (x[j + 1] - first * near[1]) * inverse_diagonal[j + 1]
+        x[j], x[j + 1] = first, second
+        left = min(width, n - j)
+        rest, near, far = x[j + 2 : j + left], near[2:left], far[1 : left - 1]
+        for i in range(rest.size):
+            rest[i] -= first * near[i] + second * far[i]
+        if j + width < n:
+            x[j + width] -= second * lower[j + 1, width - 1]
+    if n % 2 == 1:
+        x[n - 1] *= inverse_diagonal[n - 1] ** 2
+    for j in range(n - 2 - n % 2, -1, -2):
+        near, far = lower[j], lower[j + 1]
+        left = min(width, n - j)
+        rest, near, far = x[j + 2 : j + left], near[2:left], far[1 : left - 1]
+        first = second = 0.0
+        for i in range(rest.size):
+            first += near[i] * rest[i]
+            second += far[i] * rest[i]
+        if j + width < n:
+            second += lower[j + 1, width - 1] * x[j + width]
+        x[j + 1] = (x[j + 1] - second) * inverse_diagonal[j + 1]
+        x[j] = (x[j] - first - lower[j, 1] * x[j + 1]) * inverse_diagonal[j]

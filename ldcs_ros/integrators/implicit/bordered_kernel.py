@@ -78,22 +78,29 @@ def fill_both_rotations(factors, n_nodes, ahead, q, u, turns):  # type: ignore[n
 
 
 @compiled
-def solve_factors(factors, turns, scale, right):  # type: ignore[no-untyped-def]
-    """Replace a right side by `scale` times the solution with turned factors, free coordinates."""
-    # As `Factors.solve`: G^T, the blocks, the border of the arms, H; border[0] is B, border[1] is W^-1 B.
-    order, border, corner = factors.order, factors.border, factors.corner
-    n, n_angles = order.size, border.shape[2]
-    nodes = np.empty(n)
+def into_sheet(factors, turns, right, nodes):  # type: ignore[no-untyped-def]
+    """Write G^T times a right side of the free coordinates, for the nodes in the matrix's order."""
+    order = factors.order
     turned = turns.shape[1] > 0
-    for k in range(n // 3 if turned else 0):
+    for k in range(order.size // 3 if turned else 0):
         for r in range(3):
             total = 0.0
             for t in range(3):
                 total += turns[0, k, t, r] * right[order[3 * k + t]]
             nodes[3 * k + r] = total
-    for k in range(0 if turned else n):
+    for k in range(0 if turned else order.size):
         nodes[k] = right[order[k]]
-    solve_blocks(factors.inverse, factors.link, factors.link_transposed, factors.block, factors.room, nodes)
+
+
+@compiled
+def out_of_sheet(factors, turns, scale, nodes, right):  # type: ignore[no-untyped-def]
+    """Finish `Factors.solve`: the border of the arms, H and the scale; right becomes the solution.
+
+    nodes hold the solution of the nodes' part alone; border[0] is B, border[1] is W^-1 B.
+    """
+    order, border, corner = factors.order, factors.border, factors.corner
+    n, n_angles = order.size, border.shape[2]
+    turned = turns.shape[1] > 0
     if n_angles > 0:
         left = np.empty(n_angles)
         for a in range(n_angles):
@@ -122,6 +129,15 @@ def solve_factors(factors, turns, scale, right):  # type: ignore[no-untyped-def]
             right[order[3 * k + r]] = total
     for k in range(0 if turned else n):
         right[order[k]] = nodes[k]
+
+
+@compiled
+def solve_factors(factors, turns, scale, right):  # type: ignore[no-untyped-def]
+    """Replace a right side by `scale` times the solution with turned block factors, free coordinates."""
+    nodes = np.empty(factors.order.size)
+    into_sheet(factors, turns, right, nodes)
+    solve_blocks(factors.inverse, factors.link, factors.link_transposed, factors.block, factors.room, nodes)
+    out_of_sheet(factors, turns, scale, nodes, right)
 
 
 @compiled

@@ -33,7 +33,8 @@ def largest(values, reach):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _apply(before, after, squares, count, reach, z):  # type: ignore[no-untyped-def]
+def apply_updates(before, after, squares, count, reach, z):  # type: ignore[no-untyped-def]
+    """Turn z = W^-1 residual into the next step, in place, with the first `count` updates."""
     for j in range(count):
         share = 0.0
         for i in range(z.size):
@@ -44,7 +45,8 @@ def _apply(before, after, squares, count, reach, z):  # type: ignore[no-untyped-
 
 
 @compiled
-def _extend(step, reach, z, before, after, squares, count):  # type: ignore[no-untyped-def]
+def extend_updates(step, reach, z, before, after, squares, count):  # type: ignore[no-untyped-def]
+    """Learn an update from a step and the one z that follows, which it changes; return whether it was kept."""
     square = share = 0.0
     for i in range(z.size):
         weight = reach[i] * reach[i] * step[i]
@@ -66,36 +68,42 @@ class BroydenUpdates:
 
     H_{k+1} = (1 + s_{k+1} s_k^T / |s_k|^2) H_k, H_0 = W^-1. They learn how far the stage's matrix has moved from
     the factored one in the few directions that matter, so they are kept from stage to stage until the next factoring.
+
+    Attributes:
+        before: The steps s_k, shape (MOST_UPDATES, n).
+        after: The steps s_{k+1}, same shape.
+        squares: |s_k|^2, shape (MOST_UPDATES,).
+        count: Number of updates.
     """
 
     def __init__(self, reach: np.ndarray) -> None:
         n = len(reach)
         self._reach = reach
-        self._before, self._after = np.empty((MOST_UPDATES, n)), np.empty((MOST_UPDATES, n))
-        self._squares = np.empty(MOST_UPDATES)
-        self._count = 0
+        self.before, self.after = np.empty((MOST_UPDATES, n)), np.empty((MOST_UPDATES, n))
+        self.squares = np.empty(MOST_UPDATES)
+        self.count = 0
 
     def clear(self) -> None:
         """Forget all updates."""
-        self._count = 0
+        self.count = 0
 
     def step(self, z: np.ndarray, previous: np.ndarray | None) -> np.ndarray:
         """Turn z = W^-1 residual into the next step, in place; learn from the stage's step before it, if any."""
-        _apply(self._before, self._after, self._squares, self._count, self._reach, z)
-        if previous is not None and self._count < MOST_UPDATES:
-            self._count += _extend(
-                previous, self._reach, z, self._before, self._after, self._squares, self._count
+        apply_updates(self.before, self.after, self.squares, self.count, self._reach, z)
+        if previous is not None and self.count < MOST_UPDATES:
+            self.count += extend_updates(
+                previous, self._reach, z, self.before, self.after, self.squares, self.count
             )
         return z
 
     @property
     def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of the updates, for `recall`."""
-        n = self._count
-        return self._before[:n].copy(), self._after[:n].copy(), self._squares[:n].copy()
+        n = self.count
+        return self.before[:n].copy(), self.after[:n].copy(), self.squares[:n].copy()
 
     def recall(self, memory: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
         """Take back a `memory`."""
-        self._count = len(memory[2])
-        for target, source in zip((self._before, self._after, self._squares), memory, strict=True):
-            target[: self._count] = source
+        self.count = len(memory[2])
+        for target, source in zip((self.before, self.after, self.squares), memory, strict=True):
+            target[: self.count] = source

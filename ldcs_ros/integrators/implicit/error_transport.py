@@ -11,6 +11,7 @@ import numpy as np
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.base import Counters, ErrorState, Step
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates
+from ldcs_ros.integrators.implicit.dirk_kernel import DirkKernel
 from ldcs_ros.integrators.implicit.error_kernels import (
     INNER,
     apply_stage,
@@ -26,6 +27,7 @@ from ldcs_ros.integrators.implicit.error_kernels import (
 )
 from ldcs_ros.integrators.implicit.momenta import Momenta
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
+from ldcs_ros.integrators.implicit.transport_kernel import carry_error
 from ldcs_ros.physics.inputs import HeldCommands
 
 # Within a step an error grows at most by this factor beside its own motion, and by so many times the step's estimate.
@@ -69,8 +71,8 @@ class ErrorTransport:
     angular momentum that the stages got wrong is put right in the step and in e: nothing would forget it.
     """
 
-    def __init__(self, system: LinearSystem) -> None:
-        self._system, self._model = system, system.model
+    def __init__(self, system: LinearSystem, kernel: DirkKernel | None) -> None:
+        self._system, self._model, self._kernel = system, system.model, kernel
         self._is_loose = self._model.is_unconstrained
         self._is_viscous = not self._is_loose and self._model.relaxation_time > UNRESOLVED_STEP
         self._no_spin = np.zeros((0, 3))
@@ -103,13 +105,17 @@ class ErrorTransport:
             updates: What the stages' iterations have learned of the factors.
             counters: Where evaluations and solves are counted.
         """
-        angle, column_spin = self._column_spin(step)
         are_turned: list[bool] = []
-        try:
-            carried = self._transport(step, inputs, error, factors, updates, column_spin, are_turned)
-        except DivergenceError:
-            # The error is so large that its place is no shape of a sheet.
-            carried = ErrorState(np.full_like(error.q, math.inf), error.u)
+        found = self._carried_at_once(step, inputs, error, factors, updates)
+        if found is None:
+            angle, column_spin = self._column_spin(step)
+            try:
+                carried = self._transport(step, inputs, error, factors, updates, column_spin, are_turned)
+            except DivergenceError:
+                # The error is so large that its place is no shape of a sheet.
+                carried = ErrorState(np.full_like(error.q, math.inf), error.u)
+        else:
+            angle, carried = found
         counters.evaluations += 5
         counters.solves += 3
         h = step.right.time - step.left.time
@@ -138,6 +144,55 @@ class ErrorTransport:
         step = replace(step, right=replace(end, u=u), drift=0.0)
         lost = momenta.of_error(start, before) - momenta.of_error(step.right, after)
         return step, replace(after, u=after.u + momenta.spinning(end.q, lost))
+
+    def _carried_at_once(
+        self,
+        step: Step,
+        inputs: HeldCommands,
+        error: ErrorState,
+        factors: tuple[Factors, Factors, Factors],
+        updates: BroydenUpdates,
+    ) -> tuple[float, ErrorState] | None:
+        """Return the largest angle that a column turns in a step [rad], and the error at its end, by one function.
+
+        None for a loose sheet, and for effects that compiled code does not know.
+        """
+        kernel = self._kernel
+        steady = None if kernel is None or self._is_loose else kernel.force.steady(inputs)
+        if kernel is None or steady is None:
+            return None
+        start, end, rate_step = step.left, step.right, factors[0].rate_step
+        h = end.time - start.time
+        times = np.array([start.time + INNER[0] * h, start.time + INNER[1] * h, end.time])
+        q, u = kernel.places(end, times)
+        a, c, moment = _tableau(rate_step / h)
+        carried = np.empty((2, len(self._model.free)))
+        inside, speed, angle = carry_error(
+            kernel.sheet,
+            kernel.tables(factors[2]),
+            a,
+            c,
+            moment,
+            h,
+            rate_step,
+            np.array([one.turns for one in factors]),
+            updates.before,
+            updates.after,
+            updates.squares,
+            updates.count,
+            kernel.drives(times, inputs),
+            steady,
+            start.a if start.lasting is None else start.lasting,
+            start.q,
+            start.u,
+            end.a,
+            q,
+            u,
+            error.q,
+            error.u,
+            carried,
+        )
+        return float(angle), ErrorState(carried[0], carried[1], float(inside), speed=float(speed))
 
     def _transport(
         self,

@@ -9,10 +9,21 @@ import numpy as np
 
 from ldcs_ros.integrators.base import ErrorState, Integrator, Step, StepFailure
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
+from ldcs_ros.integrators.implicit.dirk_kernel import (
+    BORDER_WANTED,
+    DONE,
+    NOT_FINITE,
+    START,
+    WILD_RATE,
+    DirkKernel,
+    StageNumbers,
+    embedded_error,
+    solve_stages,
+)
 from ldcs_ros.integrators.implicit.error_kernels import INNER
 from ldcs_ros.integrators.implicit.error_outlook import ErrorOutlook
 from ldcs_ros.integrators.implicit.error_transport import ErrorTransport
-from ldcs_ros.integrators.implicit.predictor import Point, StagePredictor
+from ldcs_ros.integrators.implicit.predictor import StagePredictor
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.integrators.tableaux import Tableau
 from ldcs_ros.physics.inputs import HeldCommands
@@ -21,8 +32,6 @@ from ldcs_ros.physics.model import Motion
 # An iteration stops when what is left of it is this share of the step's tolerance: its error then hides in
 # the error estimate's own uncertainty.
 ITERATION_SHARE = 0.02
-# An iteration may grow once, while the rank-one updates learn; beyond this it is given up.
-WILD_RATE = 4.0
 # Above this contraction rate new factors cost less than the iterations that they save (measured on `arc`).
 SLOW_RATE = 0.25
 # Kept factors are used while the step is within this ratio of the one that they were made for.
@@ -67,6 +76,29 @@ class Stage:
     allowed: float
 
 
+@dataclass(frozen=True)
+class Stages:
+    """The solved stages of a step.
+
+    Attributes:
+        trail: Accelerations before the step.
+        accelerations: Of the start and each stage, shape (n_stages, n_free).
+        rates: Of the free coordinates, same shape.
+        q: Coordinates of the last stage.
+        u: Their rates.
+        factors: Those that each stage after the first was solved with.
+        rate: The worst contraction rate, None if none was measured.
+    """
+
+    trail: StagePredictor
+    accelerations: np.ndarray
+    rates: np.ndarray
+    q: np.ndarray
+    u: np.ndarray
+    factors: list[Factors]
+    rate: float | None
+
+
 class Dirk(Integrator):
     """q'' = M^-1 f as a first-order system in (q, q'), solved for the stage accelerations A_i.
 
@@ -86,10 +118,14 @@ class Dirk(Integrator):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._system = LinearSystem(self.model)
+        self._compiled = DirkKernel.of(self.model, self._system, self._reach)
         self._factors: Factors | None = None
         self._rate, self._measured = FRESH_RATE, False
         self._trails: tuple[StagePredictor, ...] = ()
-        self._transport, self._outlook = ErrorTransport(self._system), ErrorOutlook(self._system)
+        self._transport, self._outlook = (
+            ErrorTransport(self._system, self._compiled),
+            ErrorOutlook(self._system),
+        )
         self._stage_factors: list[Factors] = []
         self._stage_accelerations = np.empty((0, len(self.model.free)))
         self.iteration_share = ITERATION_SHARE
@@ -97,6 +133,16 @@ class Dirk(Integrator):
         self._updates = BroydenUpdates(self._reach)
         self._turning_move = TURNING_MOVE * min(self.model.lattice.spacing)
         self._contact_width = min(term.contact_width for term in self.model.terms)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether compiled code knows all effects of the model and solves the stages."""
+        return self._compiled is not None
+
+    def call_effects_one_by_one(self) -> None:
+        """Solve stages without compiled code for the whole of them, as scenes do that it does not cover."""
+        self._compiled = None
+        self._transport = ErrorTransport(self._system, None)
 
     @property
     def last_stages(self) -> tuple[np.ndarray, list[Factors]]:
@@ -128,15 +174,19 @@ class Dirk(Integrator):
                 raise
         return self._stages(motion, inputs, h, tolerance, exactly=True)
 
+    def damping_rate(self, motion: Motion, inputs: HeldCommands) -> float:
+        rate = None if self._compiled is None else self._compiled.damping_rate(motion, inputs)
+        return super().damping_rate(motion, inputs) if rate is None else rate
+
     def initial_error(self) -> ErrorState | None:
         return self._transport.initial()
 
     def transport_error(self, step: Step, inputs: HeldCommands, error: ErrorState) -> tuple[Step, ErrorState]:
         first, second = (self._stage_factors[k] for k in self._inner_stages)
         last = self._stage_factors[-1]
-        if not first.rate_step == second.rate_step == last.rate_step:
-            first = second = last
-        factors = first.unscaled(), second.unscaled(), last.unscaled()
+        if not (first.frames is second.frames is last.frames):
+            first = second = last  # of another factoring
+        factors = last.turned(first.turns, 1.0), last.turned(second.turns, 1.0), last.turned(last.turns, 1.0)
         step, moved = self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
         h = step.right.time - step.left.time
         outlook = self._outlook.distance(h, step.right, inputs, moved, self.counters)
@@ -179,14 +229,42 @@ class Dirk(Integrator):
     def _stages(
         self, motion: Motion, inputs: HeldCommands, h: float, tolerance: float, *, exactly: bool
     ) -> Step:
+        allowed = min(self.iteration_share * tolerance, ONSET_SHARE * self._contact_width)
+        stages = None if exactly else self._compiled_stages(motion, inputs, h, allowed)
+        if stages is None:
+            stages = self._iterated_stages(motion, inputs, h, allowed, exactly=exactly)
+        accelerations, rates = stages.accelerations, stages.rates
+        self._stage_factors, self._stage_accelerations = stages.factors, accelerations
+        self._factors = None if exactly else stages.factors[-1]
+        points = [
+            (motion.time + c * h, a) for c, a in zip(self.tableau.c[1:], accelerations[1:], strict=True)
+        ]
+        self._trails = (stages.trail, stages.trail.extended(points))
+        if stages.rate is not None:
+            self._rate, self._measured = stages.rate, True
+        defect, rate_defect = np.empty((2, len(self._reach)))
+        error, rate_error = embedded_error(
+            h, self.tableau.error_weights, rates, accelerations, self._reach, RATE_SHARE, defect, rate_defect
+        )
+        self.counters.steps += 1
+        # The trail knows the motion that it leads to by its array.
+        right = Motion(motion.time + h, stages.q, stages.u, points[-1][1])
+        if error > tolerance and not exactly:
+            filtered = self._filtered(right, inputs, defect, rate_defect, stages.factors[-1])
+            error = min(error, self.largest_displacement(filtered))
+        return Step(motion, right, error, self._drift(right, rate_defect), rate_error)
+
+    def _iterated_stages(
+        self, motion: Motion, inputs: HeldCommands, h: float, allowed: float, *, exactly: bool
+    ) -> Stages:
         tableau, free = self.tableau, self.model.free
         n_stages, rate_step = len(tableau.c), tableau.diagonal * h
         rates, accelerations = np.empty((n_stages, len(free))), np.empty((n_stages, len(free)))
         q0, rates[0], accelerations[0] = motion.q[free], motion.u[free], motion.a
         trail = self._trail_to(motion)
-        points: list[Point] = []
+        bend, offsets = trail.guesses(motion.time + h * tableau.c)
         q, u = motion.q.copy(), motion.u.copy()
-        worst, measured, rate = 0.0, False, None
+        worst: float | None = None
         stage_factors: list[Factors] = []
         factors, fresh = (None, True) if exactly else self._present(motion, inputs, h)
         renewals = MOST_FACTORISATIONS - fresh
@@ -197,12 +275,14 @@ class Dirk(Integrator):
                 rate_step,
                 q0 + h * (tableau.a[i, :i] @ rates[:i]),
                 rates[0] + h * (tableau.a[i, :i] @ accelerations[:i]),
-                min(self.iteration_share * tolerance, ONSET_SHARE * self._contact_width),
+                allowed,
             )
-            guess = trail.guess(points, time)
+            guess = accelerations[i - 1] + offsets.get(i, 0.0)
+            guess += bend[i] * (accelerations[i - 1] - accelerations[max(i - 2, 0)])
             self.model.prescribe(time, q, u)
             while True:
                 place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
+                rate: float | None
                 if factors is None:
                     a, rate, used = self._solve_exactly(stage, guess, q, u, inputs)
                     break
@@ -217,26 +297,94 @@ class Dirk(Integrator):
                 place(free, stage.q_known, stage.u_known, guess, rate_step, q, u)
                 factors = self._renew(time, q, u, inputs, rate_step)
             if rate is not None:
-                worst = max(worst, rate)
-                measured = True
+                worst = rate if worst is None else max(worst, rate)
             rates[i], accelerations[i] = u[free], a
             stage_factors.append(used)
-            points.append((time, a))
-        self._stage_factors, self._stage_accelerations = stage_factors, accelerations
-        self._factors, self._trails = factors, (trail, trail.extended(points))
-        if measured:
-            self._rate, self._measured = worst, True
-        defect = h * (tableau.error_weights @ rates)
-        rate_defect = h * (tableau.error_weights @ accelerations)
-        self.counters.steps += 1
-        right = Motion(motion.time + h, q, u, a)
-        error = self._size(h, defect, rate_defect)
-        if error > tolerance and factors is not None:
-            filtered = self._filtered(right, inputs, defect, rate_defect, factors)
-            error = min(error, self.largest_displacement(filtered))
-        return Step(
-            motion, right, error, self._drift(right, rate_defect), self.largest_displacement(rate_defect)
-        )
+        return Stages(trail, accelerations, rates, q, u, stage_factors, worst)
+
+    def _compiled_stages(
+        self, motion: Motion, inputs: HeldCommands, h: float, allowed: float
+    ) -> Stages | None:
+        """Return the stages as `_iterated_stages` does, by one compiled function; None if it does not serve."""
+        kernel = self._compiled
+        steady = None if kernel is None else kernel.force.steady(inputs)
+        if kernel is None or steady is None:
+            return None
+        tableau, free = self.tableau, self.model.free
+        n_stages, n_free, rate_step = len(tableau.c), len(free), tableau.diagonal * h
+        times = motion.time + h * tableau.c
+        rates, accelerations = np.empty((n_stages, n_free)), np.empty((n_stages, n_free))
+        rates[0], accelerations[0] = motion.u[free], motion.a
+        trail = self._trail_to(motion)
+        bend, offsets = trail.guesses(times)
+        offset = np.zeros((n_stages, n_free if offsets else 0))
+        for i, value in offsets.items():
+            offset[i] = value
+        q, u = kernel.places(motion, times)
+        drive = kernel.drives(times, inputs)
+        factors, fresh = self._present(motion, inputs, h)
+        renewals = MOST_FACTORISATIONS - fresh
+        updates = self._updates
+        known, change = np.empty((2, n_free)), np.empty(n_free)
+        turns = np.empty((n_stages, 2, kernel.n_columns, 3, 3))
+        bases: list[Factors] = []
+        progress = START
+        while True:
+            numbers = StageNumbers(
+                h,
+                rate_step,
+                allowed,
+                self._expected_rate(factors, rate_step),
+                self._system.rescaling(factors, rate_step),
+                self._system.time_ahead(rate_step),
+                self._turning_move,
+                self.patience,
+            )
+            progress = solve_stages(
+                progress._replace(updates=updates.count),
+                numbers,
+                kernel.sheet,
+                kernel.tables(factors),
+                tableau.a,
+                drive,
+                steady,
+                bend,
+                offset,
+                updates.before,
+                updates.after,
+                updates.squares,
+                q,
+                u,
+                rates,
+                accelerations,
+                known,
+                change,
+                turns,
+            )
+            self.counters.evaluations += progress.solves
+            self.counters.solves += progress.solves
+            updates.count = progress.updates
+            bases += [factors] * (progress.stage - 1 - len(bases))
+            if progress.status == DONE:
+                break
+            stage = progress.stage
+            where = times[stage], q[stage], u[stage], inputs
+            if progress.status == BORDER_WANTED:
+                factors = self._system.renew_border(factors, *where, turns[stage])
+            elif progress.status == NOT_FINITE:
+                return None  # where springs lose their direction the effects themselves know more
+            elif renewals:
+                renewals -= 1
+                factors = self._renew(*where, rate_step)
+            else:
+                raise StepFailure(
+                    f"the iteration of a stage at t = {times[stage]:.9g} s does not converge (rate {progress.rate:.2g})"
+                )
+        turned = [
+            base.turned(turns[i + 1], self._system.rescaling(base, rate_step)) for i, base in enumerate(bases)
+        ]
+        worst = progress.most if progress.most >= 0.0 else None
+        return Stages(trail, accelerations, rates, q[-1].copy(), u[-1].copy(), turned, worst)
 
     def _drift(self, right: Motion, rate_defect: np.ndarray) -> float:
         """Return the speed that a loose sheet gets from what a step got wrong of its momenta [m/s]; 0 for a held one.
@@ -247,9 +395,6 @@ class Dirk(Integrator):
             return 0.0
         momenta = self._outlook.momenta
         return momenta.speed(right.q, momenta.of_rates(right.q, rate_defect))
-
-    def _size(self, h: float, defect: np.ndarray, rate_defect: np.ndarray) -> float:
-        return self.largest_displacement(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
 
     def _filtered(
         self,
@@ -286,10 +431,7 @@ class Dirk(Integrator):
     ) -> tuple[np.ndarray, float | None, Factors]:
         """Iterate from a guess that is placed in q and u; return acceleration, worst rate if one was seen, factors."""
         free, model = self.model.free, self.model
-        # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
-        mismatch = abs(1.0 - (stage.rate_step / factors.rate_step) ** 2)
-        known = max(RATE_SAFETY * self._rate, FRESH_RATE) if self._measured else UNKNOWN_RATE
-        before, rate = np.inf, min(max(known, mismatch), 0.9)
+        before, rate = np.inf, self._expected_rate(factors, stage.rate_step)
         worst, change, moved = 0.0, None, np.inf
         for iteration in range(self.patience):
             if moved > self._turning_move:
@@ -316,6 +458,12 @@ class Dirk(Integrator):
         raise StepFailure(
             f"the iteration of a stage at t = {stage.time:.9g} s does not converge (rate {rate:.2g})"
         )
+
+    def _expected_rate(self, factors: Factors, rate_step: float) -> float:
+        # Until two iterations have measured it: the last rate, and what the step's change since factoring does.
+        mismatch = abs(1.0 - (rate_step / factors.rate_step) ** 2)
+        known = max(RATE_SAFETY * self._rate, FRESH_RATE) if self._measured else UNKNOWN_RATE
+        return min(max(known, mismatch), 0.9)
 
     def _solve_exactly(
         self, stage: Stage, a: np.ndarray, q: np.ndarray, u: np.ndarray, inputs: HeldCommands

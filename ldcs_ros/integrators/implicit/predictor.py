@@ -56,22 +56,43 @@ class StagePredictor:
         """Return the trail with more points."""
         return replace(self, points=(self.points + tuple(points))[-MOST_POINTS:])
 
-    def guess(self, points: list[Point], time: float) -> np.ndarray:
-        """Return the accelerations to expect at a time, given the trail's points and more that followed."""
-        last = points[-1] if points else self.points[-1]
+    def guesses(self, times: np.ndarray) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+        """Return how to guess the accelerations of each stage at its time from those of the stages before.
+
+        Args:
+            times: Of the start and the stages [s], shape (n_stages,).
+
+        Returns:
+            bend, shape (n_stages,), and offset: the guess of stage i is a_(i-1) + bend_i (a_(i-1) - a_(i-2)) +
+            offset_i. The offset of the first stage holds what the trail's points tell.
+        """
+        bend, offset = np.zeros(len(times)), {}
+        first = self._first_offset(times[1])
+        if first is not None:
+            offset[1] = first
+        earlier = self._earlier(times[1])
+        for i in range(2, len(times)):
+            before, earlier = earlier, self._earlier(times[i])
+            if before is not None and earlier is not None:
+                offset[i] = earlier - before
+            elif times[i - 1] != times[i - 2]:
+                bend[i] = (times[i] - times[i - 1]) / (times[i - 1] - times[i - 2])
+        return bend, offset
+
+    def _first_offset(self, time: float) -> np.ndarray | None:
+        last, a = self.points[-1]
         earlier = self._earlier(time)
         if earlier is not None:
-            if last[0] == self.since:
+            if last == self.since:
                 # What jumps most (light links) has come to rest again before the first stage.
-                return earlier + self.drift
-            earlier_last = self._earlier(last[0])
-            if earlier_last is not None:
-                return last[1] + earlier - earlier_last
-        known = [*self.points[-2:], *points][-2:]
-        if len(known) < 2 or known[1][0] == known[0][0]:
-            return last[1].copy()
-        (t0, a0), (t1, a1) = known
-        return a1 + (time - t1) / (t1 - t0) * (a1 - a0)
+                return earlier + self.drift - a
+            before = self._earlier(last)
+            if before is not None:
+                return earlier - before
+        if len(self.points) < 2 or self.points[-2][0] == last:
+            return None
+        t0, a0 = self.points[-2]
+        return (time - last) / (last - t0) * (a - a0)
 
     def _earlier(self, time: float) -> np.ndarray | None:
         # What the interval before had at the same time after its jump; None if no stage was there: what a jump has

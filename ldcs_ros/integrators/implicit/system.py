@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ldcs_ros.integrators.implicit.banded import Band, BandFactors
 from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
+from ldcs_ros.physics.effects.springs import AxialTerm
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 DISSECTED_SIZE = 4000
 # A link that has turned by more since the arms' part of the matrix was taken has it taken anew [rad].
 TURN = 0.02
+# Rotations of the columns where nothing turns.
+NO_TURNS = np.zeros((2, 0, 3, 3))
 
 
 @compiled
@@ -37,6 +39,22 @@ def _scatter_whole(values, picked, share, slot, target):  # type: ignore[no-unty
 
 
 scatter = _scatter_loop if HAVE_NUMBA else _scatter_whole
+
+
+@compiled
+def _invert(matrix):  # type: ignore[no-untyped-def]
+    # In place by Gauss and Jordan, without pivots: it is the small Schur complement of a positive definite matrix.
+    for p in range(len(matrix)):
+        scale = 1.0 / matrix[p, p]
+        matrix[p, p] = 1.0
+        for j in range(len(matrix)):
+            matrix[p, j] *= scale
+        for r in range(len(matrix)):
+            if r != p:
+                factor = matrix[r, p]
+                matrix[r, p] = 0.0
+                for j in range(len(matrix)):
+                    matrix[r, j] -= factor * matrix[p, j]
 
 
 def _storage_for(n: int) -> type[Storage]:
@@ -72,7 +90,11 @@ class Factors:
         rate_step: The h of the factored matrix [s].
         angles: Link angles at which border and corner were taken [rad], shape (n_angles,).
         frames: How the lattice's columns stood when it was factored, shape (n_columns, 3, 3).
+        turns: G and H, shape (2, n_columns, 3, 3); empty where nothing turns.
+        tables: What compiled code reads of them, made by it; copies with other rotations share it.
     """
+
+    tables: object
 
     def __init__(
         self,
@@ -83,7 +105,7 @@ class Factors:
         frames: np.ndarray,
     ) -> None:
         self.rate_step, self.frames = rate_step, frames
-        self._turns: tuple[np.ndarray, np.ndarray] | None = None
+        self.turns = NO_TURNS
         self._rotated: Callable[..., np.ndarray]  # set with the rotations
         self._scale = 1.0
         self._order, self._n = storage.order, len(storage.order)
@@ -91,22 +113,29 @@ class Factors:
         self._set_border(matrix.border, matrix.corner, angles)
 
     def _set_border(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> None:
-        self._border, self.angles = border, angles
+        self._border, self.angles, self.tables = border, angles, None
         if corner.size:
             self._reach = self._nodes.solve(border)
-            self._corner = np.linalg.inv(corner - border.T @ self._reach)
+            self._corner = corner - border.T @ self._reach
+            _invert(self._corner)
+
+    def _copy(self) -> Factors:
+        # A tenth of the time of copy.copy: a step makes several.
+        other = object.__new__(Factors)
+        other.__dict__.update(self.__dict__)
+        return other
 
     def bordered(self, border: np.ndarray, corner: np.ndarray, angles: np.ndarray) -> Factors:
         """Return factors with another border and corner."""
-        other = copy(self)
+        other = self._copy()
         other._set_border(border, corner, angles)
         return other
 
-    def turned(self, turns: tuple[np.ndarray, np.ndarray] | None, scale: float) -> Factors:
-        """Return factors with other rotations G and H, shape (n_columns, 3, 3) each, and a factor on the solution."""
-        other = copy(self)
-        other._turns, other._scale = turns, scale
-        if turns is not None:
+    def turned(self, turns: np.ndarray, scale: float) -> Factors:
+        """Return factors with other rotations G and H, shape (2, n_columns, 3, 3), and a factor on the solution."""
+        other = self._copy()
+        other.turns, other._scale = turns, scale
+        if turns.size:
             from ldcs_ros.physics.column_frames import rotated_vectors
 
             other._rotated = rotated_vectors
@@ -114,11 +143,7 @@ class Factors:
 
     def transposed(self) -> Factors:
         """Return the factors of W^T: of H W0 G^T where W is G W0 H^T."""
-        return self if self._turns is None else self.turned(self._turns[::-1], self._scale)
-
-    def unscaled(self) -> Factors:
-        """Return the factors for the h that they were made with."""
-        return self if self._scale == 1.0 else self.turned(self._turns, 1.0)
+        return self if not self.turns.size else self.turned(self.turns[::-1], self._scale)
 
     @property
     def parts(
@@ -133,8 +158,8 @@ class Factors:
         """Return W^-1 right for free coordinates, shape (n_free,) or (n_free, k); `single` allows that precision."""
         result = np.empty_like(right)
         nodes = right[self._order]
-        if self._turns is not None:
-            nodes = self._rotate(self._turns[0], nodes, back=True)
+        if self.turns.size:
+            nodes = self._rotate(self.turns[0], nodes, back=True)
         if single and isinstance(self._nodes, BandFactors):
             nodes = self._nodes.solve_columns(nodes)
         else:
@@ -143,8 +168,8 @@ class Factors:
             angles = self._corner @ (right[self._n :] - (nodes.T @ self._border).T)
             nodes -= self._reach @ angles
             result[self._n :] = angles
-        if self._turns is not None:
-            nodes = self._rotate(self._turns[1], nodes, back=False)
+        if self.turns.size:
+            nodes = self._rotate(self.turns[1], nodes, back=False)
         result[self._order] = nodes
         if self._scale != 1.0:
             result *= self._scale
@@ -156,6 +181,24 @@ class Factors:
         from ldcs_ros.physics.column_frames import rotated_columns
 
         return np.asarray(rotated_columns(turn, nodes, back))
+
+
+class DirectSlots(NamedTuple):
+    """Where the axial springs and the other terms' entries go in the matrix of the nodes.
+
+    Attributes:
+        springs: The term that adds itself.
+        slots: Places of its entries.
+        inner, share, others: Entries of the other terms between nodes, their fractions and places.
+        start: Number of the springs' entries before those of the arms.
+    """
+
+    springs: AxialTerm
+    slots: np.ndarray
+    inner: np.ndarray
+    share: np.ndarray
+    others: np.ndarray
+    start: int
 
 
 class LinearSystem:
@@ -194,6 +237,29 @@ class LinearSystem:
         before = [term for term in model.terms[: model.terms.index(model.arms)]] if model.arms else []
         self._arms_start = sum(len(term.jacobian_pattern()[0]) for term in before)
 
+        self._direct = self._direct_slots(used & inner) if HAVE_NUMBA else None
+
+    def _direct_slots(self, inner: np.ndarray) -> DirectSlots | None:
+        # Axial springs have nearly all entries; where they go to the matrix themselves, those of the others follow.
+        start = 0
+        for term in self.model.terms:
+            count = len(term.jacobian_pattern()[0])
+            if isinstance(term, AxialTerm):
+                slot = np.full(len(inner), -1)
+                slot[inner] = self._storage.slots
+                rest = (self._inner < start) | (self._inner >= start + count)
+                other = self._inner[rest]
+                return DirectSlots(
+                    term,
+                    np.ascontiguousarray(slot[start + term.entries()]),
+                    np.where(other < start, other, other - count),
+                    self._inner_share[rest],
+                    self._storage.slots[rest],
+                    count if start <= self._arms_start else 0,
+                )
+            start += count
+        return None
+
     def _whole_columns(self, model: Model) -> np.ndarray | None:
         # The column of each free node in the storage's order; None where forces do not turn with the sheet, or a
         # node is free in some directions only.
@@ -205,6 +271,11 @@ class LinearSystem:
         ):
             return None
         return node[::3] % (model.lattice.nodes[0] * model.lattice.nodes[1])
+
+    @property
+    def is_banded(self) -> bool:
+        """Whether the nodes' part is stored as a band."""
+        return isinstance(self._storage, Band)
 
     @property
     def order(self) -> np.ndarray:
@@ -256,12 +327,19 @@ class LinearSystem:
         positive_definite: bool,
         corotated: bool,
     ) -> Factors:
+        direct = self._direct if corotated else None
         by_position, by_rate = self.model.jacobian(
-            time, q, u, inputs, positive_definite=positive_definite, corotated=corotated
+            time,
+            q,
+            u,
+            inputs,
+            positive_definite=positive_definite,
+            corotated=corotated,
+            without=None if direct is None else direct.springs,
         )
-        if not (np.isfinite(by_position).all() and np.isfinite(by_rate).all()):
+        change = self._placed(-rate_step * (by_rate + rate_step * by_position), direct, q, rate_step)
+        if not all(np.isfinite(values).all() for values in (change.nodes, change.border, change.corner)):
             raise np.linalg.LinAlgError("the Jacobian is not finite")
-        change = self._placed(-rate_step * (by_rate + rate_step * by_position))
         change.nodes[self._storage.diagonal] += self.model.mass[self._order]
         matrix = replace(change, corner=change.corner + self._inertia(q))
         return Factors(self._storage, matrix, rate_step, self._angles(q), self.frames(q))
@@ -293,21 +371,24 @@ class LinearSystem:
             inputs: What is commanded.
             rate_step: The h of the stage that they will serve [s].
         """
-        tau = self.model.relaxation_time
         scale = self.rescaling(factors, rate_step)
-        turns = None
+        turns = NO_TURNS
         if self._columns is not None:
             # Scenes whose forces do not turn with the sheet load no frames.
             from ldcs_ros.physics.column_frames import fill_rotations
 
-            ahead = rate_step / (1.0 + rate_step / tau) if tau else 0.0
-            left, right = (np.empty((len(self._columns), 3, 3)) for _ in range(2))
-            fill_rotations(self.frames(q), factors.frames, self._columns, left)
-            fill_rotations(self.frames(q + ahead * u), factors.frames, self._columns, right)
-            turns = left, right
+            ahead = self.time_ahead(rate_step)
+            turns = np.empty((2, len(self._columns), 3, 3))
+            fill_rotations(self.frames(q), factors.frames, self._columns, turns[0])
+            fill_rotations(self.frames(q + ahead * u), factors.frames, self._columns, turns[1])
         if self.links_turned(factors, q):
-            factors = self._bordered(factors, time, q, u, inputs, turns)
+            factors = self.renew_border(factors, time, q, u, inputs, turns)
         return factors.turned(turns, scale)
+
+    def time_ahead(self, rate_step: float) -> float:
+        """Return how long after a motion its springs stand as the motion is felt, h c / (c + h k) [s]; see `turn`."""
+        tau = self.model.relaxation_time
+        return rate_step / (1.0 + rate_step / tau) if tau else 0.0
 
     def rescaling(self, factors: Factors, rate_step: float) -> float:
         """Return the factor on the solution where factors serve a stage of another h [s]."""
@@ -320,30 +401,36 @@ class LinearSystem:
         """Return whether a link has turned so far since the factors' border that `turn` takes it anew."""
         return bool(np.max(np.abs(self._angles(q) - factors.angles), initial=0.0) > TURN)
 
-    def _bordered(
+    def renew_border(
         self,
         factors: Factors,
         time: float,
         q: np.ndarray,
         u: np.ndarray,
         inputs: HeldCommands,
-        turns: tuple[np.ndarray, np.ndarray] | None,
+        turns: np.ndarray,
     ) -> Factors:
-        """Take the arms' part anew: against stiff couplings a small turn of a crosspiece matters much."""
+        """Return factors with the arms' part taken anew: against stiff couplings a small turn of a rib matters much."""
         arms, h = self.model.arms, factors.rate_step
-        jacobian = arms.corotated_jacobian if turns is not None else arms.jacobian  # type: ignore[union-attr]
+        jacobian = arms.corotated_jacobian if turns.size else arms.jacobian  # type: ignore[union-attr]
         by_position, by_rate = jacobian(time, q, u, inputs, False)
         border, corner = self._bordering(-h * (by_rate + h * by_position), self._arms_start)
-        if turns is not None:
+        if turns.size:
             from ldcs_ros.physics.column_frames import rotated_vectors
 
             border = np.stack([rotated_vectors(turns[0], column, back=True) for column in border.T], axis=1)
         return factors.bordered(border, corner + self._inertia(q), self._angles(q))
 
-    def _placed(self, values: np.ndarray) -> Bordered:
+    def _placed(
+        self, values: np.ndarray, direct: DirectSlots | None, q: np.ndarray, rate_step: float
+    ) -> Bordered:
         nodes = np.zeros(self._storage.size, dtype=self._storage.dtype)
-        scatter(values, self._inner, self._inner_share, self._storage.slots, nodes)
-        return Bordered(nodes, *self._bordering(values, 0))
+        if direct is None:
+            scatter(values, self._inner, self._inner_share, self._storage.slots, nodes)
+            return Bordered(nodes, *self._bordering(values, 0))
+        direct.springs.add_corotated(q, rate_step, direct.slots, nodes)
+        scatter(values, direct.inner, direct.share, direct.others, nodes)
+        return Bordered(nodes, *self._bordering(values, direct.start))
 
     def _bordering(self, values: np.ndarray, start: int) -> tuple[np.ndarray, np.ndarray]:
         n, n_angles = self.model.n_free_nodes, self.model.n_free_angles

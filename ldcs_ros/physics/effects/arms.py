@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -239,7 +240,6 @@ class ArmsTerm(Term):
         self._gain = np.array([[own.pressure_gain] for own in self.each])
         self.used = np.arange(self.n_links) < self.links[:, None]
         self._has_unused = not self.used.all()
-        self._still = np.zeros((self.n_arms, self.n_links))
 
     def angles(self, flat: np.ndarray) -> np.ndarray:
         """Return the arms' part of a flat vector, shape (n_arms, n_links), as a view."""
@@ -261,13 +261,19 @@ class ArmsTerm(Term):
 
     def drive_torque(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (n_arms, n_links); 0 for unused links."""
+        return self.drive_torques([time], inputs)[0]
+
+    def drive_torques(self, times: Sequence[float] | np.ndarray, inputs: HeldCommands) -> np.ndarray:
+        """Return the drive torque of each joint at several times [N m], shape (n_times, n_arms, n_links)."""
+        torque = np.zeros((len(times), *self.used.shape))
         if self.arms.drive == "torque" and inputs.torque is not None:
-            return np.where(self.used, inputs.torque, 0.0) if self._has_unused else inputs.torque
-        if self.arms.drive == "pressure" and inputs.chambers:
-            pressure = np.array([[chamber.at(time)] for chamber in inputs.chambers])
-            torque = np.repeat(self._gain * pressure, self.n_links, axis=1)
-            return np.where(self.used, torque, 0.0) if self._has_unused else torque
-        return self._still
+            torque[:] = inputs.torque
+        elif self.arms.drive == "pressure" and inputs.chambers:
+            pressure = np.array([[chamber.at(time) for chamber in inputs.chambers] for time in times])
+            torque[:] = self._gain * pressure[:, :, None]
+        if self._has_unused:
+            torque[:, ~self.used] = 0.0
+        return torque
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
         """Return the mass matrix of each arm's link angles [kg m^2], shape (n_arms, n_links, n_links)."""
@@ -437,4 +443,6 @@ def _couplings(
             nodes.append(corners)
             weight.append(weights)
     kept = corners_in_use(np.array(weight))
-    return np.array(rows, dtype=COUPLING), np.array(nodes)[:, kept], np.array(weight)[:, kept]
+    # Of one layout with the tables of no arms: another one would be compiled for.
+    used_nodes = np.ascontiguousarray(np.array(nodes)[:, kept])
+    return np.array(rows, dtype=COUPLING), used_nodes, np.ascontiguousarray(np.array(weight)[:, kept])

@@ -136,6 +136,18 @@ class AxialTerm(SpringTerm):
         # the loss is small. A guessed motion of a fine lattice has tensions that the true one has not.
         return self._jacobian(q, u, positive_definite, True)
 
+    def entries(self) -> np.ndarray:
+        """Return the entries of `jacobian_pattern` that `add_corotated` fills, shape (n_springs, 21)."""
+        lower, block = np.array([0, 3, 4, 6, 7, 8]), np.arange(9)
+        own = [9 * node[:, None] + lower for node in (self.a, self.b)]
+        between = 9 * (self.lattice.n_nodes + np.arange(len(self.a)))[:, None] + block
+        return np.concatenate([*own, between], axis=1)
+
+    def add_corotated(self, q: np.ndarray, rate_step: float, slots: np.ndarray, matrix: np.ndarray) -> None:
+        """Add -h (C + h K) of `corotated_jacobian` to a matrix of the nodes, at the slots of `entries`."""
+        weight = rate_step * (self.c + rate_step * self.k)
+        axial.add_stiffness(q, self.a, self.b, self.rest_length, self.rest_axis, weight, slots, matrix)
+
     def _jacobian(
         self, q: np.ndarray, u: np.ndarray, positive_definite: bool, corotated: bool
     ) -> tuple[np.ndarray, np.ndarray]:
