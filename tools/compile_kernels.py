@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from ldcs_ros import load_scene, shipped_scenes
+from ldcs_ros.twin.warm_up import warm_up
 
 
 def main() -> None:
-    """Make a short step of every shipped scene; each kernel that one needs is compiled by it."""
+    """Make a short step of every shipped scene, and of two under commands; each kernel that they need is compiled."""
     for name in shipped_scenes():
-        load_scene(name).build().advance_to(1e-3)
+        warm_up(load_scene(name), commanded=name in ("paper", "rig"))
 
 
 if __name__ == "__main__":

@@ -152,6 +152,7 @@ def _advance(twin: Twin, arguments: argparse.Namespace, *, prepared_in: float) -
 
 def _warm_up(twin: Twin) -> None:
     from ldcs_ros.physics.compiled import kernels_wait_for_compilation
+    from ldcs_ros.twin.warm_up import warm_up
 
     # Numba compiles a kernel when it is first called and keeps it on disk; a step of a throw-away simulation
     # takes that out of the run's own time.
@@ -159,7 +160,7 @@ def _warm_up(twin: Twin) -> None:
         print(
             "ldcs: compiling kernels for this computer, once; some ten seconds", file=sys.stderr, flush=True
         )
-    twin.scene.build().advance_to(1e-4)
+    warm_up(twin.scene)
 
 
 def _give_up(twin: Twin, recorder: Recorder | None) -> str:

@@ -11,12 +11,13 @@ import numpy as np
 from ldcs_ros.errors import LdcsError
 from ldcs_ros.identify.experiments import Experiment
 from ldcs_ros.identify.parameters import FitParameter, scene_values, start_values
+from ldcs_ros.integrators import DEFAULT_INTEGRATOR
 from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.schema.paths import with_values
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.run_parameters import StartProfile
 from ldcs_ros.simulation.run_sensitivity import TangentRun
-from ldcs_ros.simulation.simulation import DEFAULT_INTEGRATOR, Simulation
+from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.twin.commands import Commands
 

@@ -20,6 +20,10 @@ INTEGRATORS: dict[str, str] = {
 }
 
 
+# Taken by `integrator: auto`, but for steps between commands at a rate.
+DEFAULT_INTEGRATOR = "esdirk43"
+
+
 def integrator_class(name: str) -> type[Integrator]:
     """Import and return a method by its name in `INTEGRATORS`."""
     module, _, attribute = INTEGRATORS[name].partition(":")

@@ -8,8 +8,8 @@ import numpy as np
 
 from ldcs_ros.errors import BridgeError
 from ldcs_ros.messages.messages import pressure_command
-from ldcs_ros.scene import Scene
 from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.warm_up import warm_up
 
 _SMALLEST_CHANGE = (
     50.0  # Pa: smaller changes of a set-point are noise, each command costs the solver a restart
@@ -17,7 +17,6 @@ _SMALLEST_CHANGE = (
 LONGEST_ADVANCE = 0.1
 """Simulated time of one call of `advance` [s]."""
 _SHORTEST_PERIOD = 0.02  # s
-_WARM_UP_PRESSURE, _WARM_UP_TIME = 1e4, 0.05  # Pa, s
 _HISTORY = 400
 
 
@@ -39,7 +38,7 @@ class Follower:
             )
         self.twin = twin
         self.squared_residual: dict[str, float] = {}
-        _compile_kernels(twin.scene)
+        warm_up(twin.scene, commanded=True)  # not while a gate waits for its next tick
         # A rig is at rest before its first command; so is its twin.
         self._sent = np.zeros(len(twin.simulation.arm_names))
         twin.receive("pressure_command", pressure_command(self._sent))
@@ -102,10 +101,3 @@ class Follower:
                 return np.array((1.0 - fraction) * places[point] + fraction * after[1][point])
             after = (then, places)
         return None
-
-
-def _compile_kernels(scene: Scene) -> None:
-    """Move a copy of the twin once, so that no kernel is compiled while a gate waits for its next tick."""
-    simulation = scene.build()
-    simulation.inputs.set_pressure(_WARM_UP_PRESSURE)
-    simulation.advance_to(_WARM_UP_TIME)

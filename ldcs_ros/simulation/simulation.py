@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ldcs_ros.errors import SceneError, SolverError
-from ldcs_ros.integrators import integrator_class
+from ldcs_ros.integrators import DEFAULT_INTEGRATOR, integrator_class
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.command_steps import CommandSteps
 from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from ldcs_ros.simulation.stability import Stability
     from ldcs_ros.tables.run import Run
 
-DEFAULT_INTEGRATOR = "esdirk43"
 # A step is taken again if its follower asks for one shorter by this factor.
 RETAKEN = 0.8
 
@@ -72,7 +71,10 @@ class Simulation(ReadableSimulation):
         self.accuracy = solver.accuracy
         self._control: AdaptiveSteps | FixedSteps
         if solver.accuracy is not None:
-            self._control = AdaptiveSteps(self.integrator, solver.accuracy)
+            if solver.integrator == "auto":
+                self._control = CommandSteps(self.integrator, solver.accuracy, one_thread)
+            else:
+                self._control = AdaptiveSteps(self.integrator, solver.accuracy)
         elif solver.dt is not None:
             self._control = FixedSteps(self.integrator, solver.dt)
         self._initial_state = self.integrator.memory
@@ -227,16 +229,6 @@ class Simulation(ReadableSimulation):
     def last_step(self) -> Step:
         """The integration step under way: where it began, where it ends, and the curve between (`Step.at`)."""
         return self._step
-
-    def follow_commands(self) -> None:
-        """Have commands at a rate followed by the compiled two-step formula from now on; docs/solver.md says when.
-
-        Raises:
-            ValueError: The scene names a method or a fixed step.
-        """
-        if self.scene.solver.integrator != "auto" or self.accuracy is None:
-            raise ValueError("follow_commands: expected a scene with 'integrator: auto' and an accuracy")
-        self._control = CommandSteps(self.integrator, self.accuracy, one_thread)
 
     @property
     def follows_commands(self) -> bool:
@@ -476,7 +468,6 @@ class Simulation(ReadableSimulation):
             scene.material,
             scene.inputs,
             self.integrator.name,
-            type(self._control).__name__,
         )
 
     def _restore(self, state: State) -> None:

@@ -59,6 +59,7 @@ class RunSettings:
         frame_prefix: Prefix of the name of each frame.
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
+        command_steps: Steps under commands at a rate may be those of the formula for them.
         verify: Measure the error by a second solution at a tenth of the accuracy; true also where the scene says so.
     """
 
@@ -73,6 +74,7 @@ class RunSettings:
     frame_prefix: str = _setting("", str)
     full_precision: bool = _setting(False, _truth, key="detail")
     settled: bool = _setting(False, _truth)
+    command_steps: bool = _setting(True, _truth)
     verify: bool = _setting(False, _truth)
 
     def to_metadata(self) -> dict[str, str]:
@@ -88,9 +90,10 @@ class RunSettings:
         """
         held = {one.name: (one, texts.get(one.metadata["key"] or one.name, "")) for one in fields(cls)}
         values = {name: one.metadata["read"](text) for name, (one, text) in held.items() if text}
-        # Bags from before the links had frames replay without them.
-        if texts and "link_frames" not in texts:
-            values["link_frames"] = False
+        # Bags from before the links had frames replay without them, those from before command steps by other steps.
+        for later in ("link_frames", "command_steps"):
+            if texts and later not in texts:
+                values[later] = False
         return cls(**values)
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
+from ldcs_ros.integrators import DEFAULT_INTEGRATOR
 from ldcs_ros.messages import messages
 from ldcs_ros.messages.cdr import nanoseconds
 from ldcs_ros.messages.diagnostics import SolverReport, Status, diagnostic_array
@@ -84,6 +85,8 @@ class Twin:
         self.watchdog = watchdog or Watchdog(wall.monotonic)
         accuracy = self.settings.accuracy
         asked = scene if accuracy is None else scene.with_accuracy(accuracy)
+        if not self.settings.command_steps and asked.solver.integrator == "auto":
+            asked = asked.edited({"solver.integrator": DEFAULT_INTEGRATOR})
         self.simulation = asked.build(verify=True) if self.settings.verify else asked.build()
         self.frames = Frames(self.settings.frame_prefix)
         self.commands = Commands(self.simulation, self.frames)

@@ -16,10 +16,7 @@ END = 0.16
 
 def built(name, accuracy, **solver):
     content, course = drive_problem(name)
-    simulation = load_scene({**content, "solver": {"accuracy": accuracy, **solver}}).build()
-    if not solver:
-        simulation.follow_commands()
-    return simulation, course
+    return load_scene({**content, "solver": {"accuracy": accuracy, **solver}}).build(), course
 
 
 def times_of(kind, random):
@@ -111,8 +108,6 @@ def test_the_one_step_method_serves_without_commands_at_a_rate_and_after_the_las
 
 def test_a_named_method_takes_every_step_itself():
     simulation, course = built("paper", 1e-4, integrator="esdirk43")
-    with pytest.raises(ValueError, match="auto"):
-        simulation.follow_commands()
     for time in times_of("100 Hz", None):
         simulation.advance_to(time)
         course.send(simulation.inputs, time * course.maximum)

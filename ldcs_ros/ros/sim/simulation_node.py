@@ -13,7 +13,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from ldcs_ros import load_scene
-from ldcs_ros.errors import DivergenceError, LdcsError, SceneError
+from ldcs_ros.errors import LdcsError, SceneError
 from ldcs_ros.ros.common.optional import installed, interface_states, missing_line
 from ldcs_ros.ros.common.parameters import ParameterNode
 from ldcs_ros.ros.common.qos import check_overrides
@@ -32,6 +32,7 @@ from ldcs_ros.scene.load import shipped_scenes
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.twin.settings import RunSettings
 from ldcs_ros.twin.twin import Twin
+from ldcs_ros.twin.warm_up import warm_up
 from ldcs_ros.twin.watchdog import Watchdog
 
 if TYPE_CHECKING:
@@ -254,7 +255,7 @@ class SimulationNode(ParameterNode, LifecycleNode):
             watchdog=Watchdog(time.monotonic, **timeouts),
             diagnostics=False,
         )
-        _warm_up(twin)
+        warm_up(twin.scene, commanded=True)  # before the clock runs, not in its first period
         if scene.points and "tracker" not in scene.sensors:
             self.get_logger().info(
                 "the scene has no tracker under sensors, so nothing is sent on POINT/pose; "
@@ -362,12 +363,3 @@ class SimulationNode(ParameterNode, LifecycleNode):
                 pacer.reset()
 
         runner.submit(apply)
-
-
-def _warm_up(twin: Twin) -> None:
-    # Kernels are compiled or loaded at their first use: before the clock runs, not in its first period.
-    try:
-        twin.simulation.advance_to(1.0 / twin.settings.publish_rate)
-    except DivergenceError:
-        pass  # it will diverge again when the clock runs, and be reported then
-    twin.reset()
