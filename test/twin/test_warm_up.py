@@ -1,4 +1,4 @@
-"""What a run compiles or loads at its first commands is there before its clock starts, and only where it is asked for."""
+"""The kernels of a run's first commands are there before its clock starts, and only where they are asked for."""
 
 from __future__ import annotations
 
