@@ -11,6 +11,7 @@ from scipy.spatial.distance import cdist
 from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.estimate.manifold import QuadraticManifold, fit_manifold
 from ldcs_ros.estimate.training import PERIOD, FullRun, full_run, random_commands
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.physics.kernels.manifold_step import manifold_step
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.scene import Scene
@@ -74,7 +75,7 @@ class ReducedRun:
     ) -> None:
         self._simulation = scene.edited({"inputs": None}).build()
         model = self._model = self._simulation.model
-        if model.arms is None or model.arms.arms.drive != "pressure" or not TotalForce.serves(model):
+        if model.arms is None or model.arms.arms.drive != "pressure" or not is_covered(model):
             raise SceneError(
                 f"{scene.name}: expected arms that are driven by pressure, axial springs and numba for a reduced model"
             )

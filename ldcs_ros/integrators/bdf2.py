@@ -14,6 +14,7 @@ from ldcs_ros.integrators.implicit.block_tridiagonal import BlockTridiagonal
 from ldcs_ros.integrators.implicit.stage_kernel import StageKernel
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.physics.model import Motion
 
@@ -74,7 +75,7 @@ class Bdf2(Esdirk43):
     @cached_property
     def _kernel(self) -> StageKernel | None:
         """The compiled step; None for effects or a shape that it does not know."""
-        if not TotalForce.serves(self.model):
+        if not is_covered(self.model):
             return None
         try:
             return StageKernel(self.model, TotalForce(self.model), LinearSystem(self.model, BlockTridiagonal))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ldcs_ros.integrators.implicit.esdirk import Dirk
 from ldcs_ros.physics.inputs import HeldCommands, Wrench
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.inputs import Inputs
@@ -95,6 +96,9 @@ def follow(simulation: Simulation, profile: DriveProfile) -> None:
             type(pushed).add_force(pushed, time, q, u, HeldCommands(wrenches=now), force)
 
         pushed.add_force = add_force
+        # Compiled stages take a wrench for constant; this smooth case costs more than it would with a compiled one.
+        if isinstance(simulation.integrator, Dirk):
+            simulation.integrator.call_effects_one_by_one()
         # The term is asked for its force only while a wrench is commanded; how large it is, the profile says.
         simulation.inputs.set_wrench(PUSHED_NODE, force=(0.0, 0.0, 0.0))
         return
@@ -102,9 +106,14 @@ def follow(simulation: Simulation, profile: DriveProfile) -> None:
     arms, shape = term.arms, (2, term.n_links)
     if profile.kind == "pressure":
         chamber = Chamber(profile, arms.fill_time, arms.vent_time, arms.dead_time)
-        term.drive_torque = lambda time, inputs: np.full(shape, arms.pressure_gain * chamber.at(time))
+        gain = arms.pressure_gain
+        term.drive_torques = lambda times, inputs: np.array(
+            [np.full(shape, gain * chamber.at(time)) for time in times]
+        )
     else:
-        term.drive_torque = lambda time, inputs: np.full(shape, profile.at(time))
+        term.drive_torques = lambda times, inputs: np.array(
+            [np.full(shape, profile.at(time)) for time in times]
+        )
 
 
 class Chamber:

@@ -71,5 +71,8 @@ def test_every_method_keeps_what_is_not_finite_inside(name):
         simulation.start_from(position)
         simulation.advance_to(1e-3)
     except DivergenceError as error:
-        assert re.search(r"node_(top|bottom)_[78]_[78]", str(error))
+        # The node, or one that a spring joins to it.
+        n_i, n_j = simulation.lattice.nodes
+        near = f"node_(top|bottom)_({n_i - 2}|{n_i - 1})_({n_j - 2}|{n_j - 1})"
+        assert re.search(near, str(error))
     assert np.isfinite(simulation.state.position).all() and np.isfinite(simulation.state.velocity).all()

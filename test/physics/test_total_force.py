@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros.physics.compiled import HAVE_NUMBA
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.scene import load_scene
 from ldcs_ros.study.problems import content_of
@@ -48,7 +49,7 @@ def test_the_compiled_force_is_the_sum_of_the_effects_forces(case):
     if simulation.inputs.pressure is not None:
         simulation.inputs.set_pressure([40e3, 90e3])
     model, held = simulation.model, simulation.inputs.held()
-    assert TotalForce.serves(model)
+    assert is_covered(model)
     total = TotalForce(model)
     for seed in range(3):
         q, u = moved(model, seed)
@@ -77,4 +78,4 @@ def test_a_wrench_that_turns_with_the_sheet_is_not_taken_for_constant():
 def test_a_model_with_another_spring_law_is_left_to_its_effects():
     content = content_of("arc")
     content["effects"][0]["law"] = "corotational"
-    assert not TotalForce.serves(load_scene(content).build().model)
+    assert not is_covered(load_scene(content).build().model)

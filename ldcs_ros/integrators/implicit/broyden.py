@@ -7,6 +7,8 @@ import numpy as np
 from ldcs_ros.physics.compiled import compiled
 
 MOST_UPDATES = 12
+# An iteration may grow once, while the rank-one updates learn; beyond this it is given up.
+WILD_RATE = 4.0
 # A smaller denominator would amplify rounding: that update is left out.
 LEAST_DENOMINATOR = 0.1
 

@@ -15,6 +15,7 @@ from ldcs_ros.integrators.implicit.bordered_kernel import factor_tables
 from ldcs_ros.integrators.implicit.command_run import FRESH_RATES, NO_JUMP, CommandedRun, Loads, StepRow
 from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.physics.model import Model
 from ldcs_ros.schema.units import TIME_TOLERANCE
@@ -245,7 +246,7 @@ def command_formula(
     A loose sheet keeps errors of its momenta for good, and moving supports are no part of the compiled loop.
     """
     held = all(term.name == "clamp" for term in model.prescribing) and not model.is_unconstrained
-    if not (held and model.relaxation_time < math.inf and TotalForce.serves(model)):
+    if not (held and model.relaxation_time < math.inf and is_covered(model)):
         return None
     try:
         return CommandFormula(model, accuracy, one_thread)

@@ -14,15 +14,19 @@ from ldcs_ros.integrators.implicit.bordered_kernel import (
     out_of_sheet,
     times_mass,
 )
-from ldcs_ros.integrators.implicit.broyden import MOST_UPDATES, apply_updates, extend_updates, place
+from ldcs_ros.integrators.implicit.broyden import (
+    MOST_UPDATES,
+    WILD_RATE,
+    apply_updates,
+    extend_updates,
+    place,
+)
 from ldcs_ros.integrators.implicit.system import TURN, Factors, LinearSystem
 from ldcs_ros.physics.compiled import compiled
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.kernels.total_force import ForceTables, TotalForce
 from ldcs_ros.physics.model import Model, Motion
 
-# An iteration may grow once, while the rank-one updates learn; beyond this it is given up.
-WILD_RATE = 4.0
 # How a call of `solve_stages` ends: all stages are done, the arms' border is wanted anew, the iteration of the stage
 # does not converge, or its numbers are not finite.
 DONE, BORDER_WANTED, NOT_CONVERGED, NOT_FINITE = range(4)
@@ -277,32 +281,6 @@ def _decay_rate(sheet, drive, steady, q, u, a):  # type: ignore[no-untyped-def]
     return 0.5 * power / energy if energy > 0.0 else np.inf
 
 
-@compiled
-def embedded_error(h, weights, rates, accelerations, reach, rate_fraction, defect, rate_defect):  # type: ignore[no-untyped-def]
-    """Write the differences of a step from the embedded solution; return its error [m] and that of its rates [m/s].
-
-    Args:
-        h: The step [s].
-        weights: The tableau's `error_weights`.
-        rates, accelerations: Of start and stages, shape (n_stages, n_free).
-        reach: Displacement of a node for a coordinate's unit.
-        rate_fraction: An error h du in a rate counts as this fraction of it in a position.
-        defect, rate_defect: Become the differences of positions and rates, shape (n_free,).
-    """
-    most = most_rate = 0.0
-    for i in range(defect.size):
-        position = rate = 0.0
-        for k in range(weights.size):
-            position += weights[k] * rates[k, i]
-            rate += weights[k] * accelerations[k, i]
-        defect[i], rate_defect[i] = h * position, h * rate
-        size, rate_size = abs(defect[i]) * reach[i], abs(rate_defect[i]) * reach[i]
-        if not size + rate_size < np.inf:
-            return np.inf, np.inf
-        most, most_rate = max(most, size, rate_fraction * h * rate_size), max(most_rate, rate_size)
-    return most, most_rate
-
-
 class DirkKernel:
     """The tables of one model and method for `solve_stages` and what else a step asks of compiled code."""
 
@@ -321,11 +299,6 @@ class DirkKernel:
         # A clamp's values never change.
         self._moving = tuple(term for term in model.prescribing if term.name != "clamp")
         self.n_columns = 0 if system.columns is None else len(system.columns)
-
-    @classmethod
-    def of(cls, model: Model, system: LinearSystem, reach: np.ndarray) -> DirkKernel | None:
-        """Return the kernel; None for an effect of the model or a storage of factors that it does not know."""
-        return cls(model, system, reach) if system.is_banded and TotalForce.serves(model) else None
 
     def places(self, motion: Motion, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return a motion's coordinates and rates with the prescribed ones of each time, shape (n, n_coordinates)."""

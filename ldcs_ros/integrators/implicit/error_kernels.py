@@ -183,3 +183,29 @@ def largest_distance(free, values, n):  # type: ignore[no-untyped-def]
             return np.inf
         most = max(most, square)
     return math.sqrt(most)
+
+
+@compiled
+def embedded_error(h, weights, rates, accelerations, reach, rate_fraction, defect, rate_defect):  # type: ignore[no-untyped-def]
+    """Write the differences of a step from the embedded solution; return its error [m] and that of its rates [m/s].
+
+    Args:
+        h: The step [s].
+        weights: The tableau's `error_weights`.
+        rates, accelerations: Of start and stages, shape (n_stages, n_free).
+        reach: Displacement of a node for a coordinate's unit.
+        rate_fraction: An error h du in a rate counts as this fraction of it in a position.
+        defect, rate_defect: Become the differences of positions and rates, shape (n_free,).
+    """
+    most = most_rate = 0.0
+    for i in range(defect.size):
+        position = rate = 0.0
+        for k in range(weights.size):
+            position += weights[k] * rates[k, i]
+            rate += weights[k] * accelerations[k, i]
+        defect[i], rate_defect[i] = h * position, h * rate
+        size, rate_size = abs(defect[i]) * reach[i], abs(rate_defect[i]) * reach[i]
+        if not size + rate_size < np.inf:
+            return np.inf, np.inf
+        most, most_rate = max(most, size, rate_fraction * h * rate_size), max(most_rate, rate_size)
+    return most, most_rate

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ldcs_ros.errors import DivergenceError
 from ldcs_ros.integrators.base import Counters, ErrorState, Step
 from ldcs_ros.integrators.implicit.broyden import BroydenUpdates
-from ldcs_ros.integrators.implicit.dirk_kernel import DirkKernel
 from ldcs_ros.integrators.implicit.error_kernels import (
     INNER,
     apply_stage,
@@ -27,8 +27,10 @@ from ldcs_ros.integrators.implicit.error_kernels import (
 )
 from ldcs_ros.integrators.implicit.momenta import Momenta
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
-from ldcs_ros.integrators.implicit.transport_kernel import carry_error
 from ldcs_ros.physics.inputs import HeldCommands
+
+if TYPE_CHECKING:
+    from ldcs_ros.integrators.implicit.dirk_kernel import DirkKernel
 
 # Within a step an error grows at most by this factor beside its own motion, and by so many times the step's estimate.
 MAX_GROWTH = 1.3
@@ -161,6 +163,8 @@ class ErrorTransport:
         steady = None if kernel is None or self._is_loose else kernel.force.steady(inputs)
         if kernel is None or steady is None:
             return None
+        from ldcs_ros.integrators.implicit.transport_kernel import carry_error
+
         start, end, rate_step = step.left, step.right, factors[0].rate_step
         h = end.time - start.time
         times = np.array([start.time + INNER[0] * h, start.time + INNER[1] * h, end.time])

@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ldcs_ros.integrators.base import ErrorState, Integrator, Step, StepFailure
-from ldcs_ros.integrators.implicit.broyden import BroydenUpdates, largest, place
-from ldcs_ros.integrators.implicit.dirk_kernel import (
-    BORDER_WANTED,
-    DONE,
-    NOT_FINITE,
-    START,
-    WILD_RATE,
-    DirkKernel,
-    StageNumbers,
-    embedded_error,
-    solve_stages,
-)
-from ldcs_ros.integrators.implicit.error_kernels import INNER
+from ldcs_ros.integrators.implicit.broyden import WILD_RATE, BroydenUpdates, largest, place
+from ldcs_ros.integrators.implicit.error_kernels import INNER, embedded_error
 from ldcs_ros.integrators.implicit.error_outlook import ErrorOutlook
 from ldcs_ros.integrators.implicit.error_transport import ErrorTransport
 from ldcs_ros.integrators.implicit.predictor import StagePredictor
 from ldcs_ros.integrators.implicit.system import Factors, LinearSystem
 from ldcs_ros.integrators.tableaux import Tableau
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.physics.model import Motion
+
+if TYPE_CHECKING:
+    from ldcs_ros.integrators.implicit.dirk_kernel import DirkKernel
 
 # An iteration stops when what is left of it is this share of the step's tolerance: its error then hides in
 # the error estimate's own uncertainty.
@@ -118,7 +111,11 @@ class Dirk(Integrator):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._system = LinearSystem(self.model)
-        self._compiled = DirkKernel.of(self.model, self._system, self._reach)
+        self._compiled: DirkKernel | None = None
+        if self._system.is_banded and is_covered(self.model):
+            from ldcs_ros.integrators.implicit.dirk_kernel import DirkKernel
+
+            self._compiled = DirkKernel(self.model, self._system, self._reach)
         self._factors: Factors | None = None
         self._rate, self._measured = FRESH_RATE, False
         self._trails: tuple[StagePredictor, ...] = ()
@@ -310,6 +307,16 @@ class Dirk(Integrator):
         steady = None if kernel is None else kernel.force.steady(inputs)
         if kernel is None or steady is None:
             return None
+        # Kernels are loaded for the scenes that use them.
+        from ldcs_ros.integrators.implicit.dirk_kernel import (
+            BORDER_WANTED,
+            DONE,
+            NOT_FINITE,
+            START,
+            StageNumbers,
+            solve_stages,
+        )
+
         tableau, free = self.tableau, self.model.free
         n_stages, n_free, rate_step = len(tableau.c), len(free), tableau.diagonal * h
         times = motion.time + h * tableau.c

@@ -11,13 +11,13 @@ import numpy as np
 from ldcs_ros.integrators.implicit.banded import Band, BandFactors
 from ldcs_ros.integrators.implicit.ordering import inverse_permutation, lower_triangle
 from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled
-from ldcs_ros.physics.effects.springs import AxialTerm
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 
 if TYPE_CHECKING:
     from ldcs_ros.integrators.implicit.block_tridiagonal import BlockFactors, BlockTridiagonal
     from ldcs_ros.integrators.implicit.nested_dissection import Dissection, DissectionFactors
+    from ldcs_ros.physics.effects.springs import AxialTerm
 
     Storage = Band | BlockTridiagonal | Dissection
 # Number of free node coordinates from which the sheet is dissected: 33 x 33 nodes and more.
@@ -244,7 +244,11 @@ class LinearSystem:
         start = 0
         for term in self.model.terms:
             count = len(term.jacobian_pattern()[0])
-            if isinstance(term, AxialTerm):
+            if term.name == "springs":
+                from ldcs_ros.physics.effects.springs import AxialTerm
+
+                if not isinstance(term, AxialTerm):
+                    break
                 slot = np.full(len(inner), -1)
                 slot[inner] = self._storage.slots
                 rest = (self._inner < start) | (self._inner >= start + count)

@@ -8,38 +8,22 @@ that the scene does not name are empty.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ldcs_ros.physics import arm
 from ldcs_ros.physics.arm import NO_ARMS, ArmTables
-from ldcs_ros.physics.compiled import HAVE_NUMBA, compiled, compiled_fast
-from ldcs_ros.physics.contact import PlaneContact
-from ldcs_ros.physics.effects.arms import ArmsTerm
-from ldcs_ros.physics.effects.drag import DragTerm
-from ldcs_ros.physics.effects.force import ForceTerm
-from ldcs_ros.physics.effects.gravity import GravityTerm
-from ldcs_ros.physics.effects.springs import AxialTerm
+from ldcs_ros.physics.compiled import compiled, compiled_fast
 from ldcs_ros.physics.inputs import NO_INPUTS, HeldCommands
+from ldcs_ros.physics.kernels.coverage import spring_offsets
 from ldcs_ros.physics.model import Model
 
-# Effects whose force is in the tables, is constant, or is handed over for each step.
-SERVED = (
-    "springs",
-    "gravity",
-    "force",
-    "arms",
-    "support",
-    "floor",
-    "drag",
-    "payload",
-    "clamp",
-    "driven_edges",
-    "wrench",
-)
-# A lattice without holes has 13; node numbers that a hole shifts would give ever more.
-MOST_FAMILIES = 32
+if TYPE_CHECKING:
+    from ldcs_ros.physics.effects.springs import AxialTerm
+
+# Effects whose force never changes.
+CONSTANT = ("gravity", "force")
 # Rows of the scratch array: positions, rates, forces, and a family's forces, three axes each.
 SCRATCH_ROWS = 12
 
@@ -158,7 +142,7 @@ class TotalForce:
     """The kernel with the tables of one model.
 
     Args:
-        model: A model for which `serves` is true.
+        model: A model that the kernel covers (`coverage.py`).
     """
 
     def __init__(self, model: Model) -> None:
@@ -167,18 +151,10 @@ class TotalForce:
         self.constant = np.zeros(model.n_coordinates)
         rest, still = model.reference_state()
         for term in model.terms:
-            if isinstance(term, (GravityTerm, ForceTerm)):
+            if term.name in CONSTANT:
                 term.add_force(0.0, rest, still, NO_INPUTS, self.constant)
         self.scratch = np.zeros((SCRATCH_ROWS, model.lattice.n_nodes))
         self._no_drive = np.zeros((0, 0))
-
-    @staticmethod
-    def serves(model: Model) -> bool:
-        """Return whether the kernel knows all effects of a model."""
-        if not HAVE_NUMBA or any(term.name not in SERVED for term in model.terms):
-            return False
-        springs = [term for term in model.terms if term.name == "springs"]
-        return all(isinstance(term, AxialTerm) and len(_offsets(term)) <= MOST_FAMILIES for term in springs)
 
     def drive(self, time: float, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint [N m], shape (n_arms, n_links)."""
@@ -214,25 +190,34 @@ class TotalForce:
         return force
 
 
-def _offsets(term: AxialTerm) -> np.ndarray:
-    return np.unique(term.b - term.a)
-
-
 def _tables(model: Model) -> ForceTables:
     n = model.lattice.n_nodes
     family, spring, drag = np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, n)), np.zeros(0)
     contact_at, contact = [np.zeros(0, dtype=np.int64)], [np.zeros((4, 0))]
     arms = NO_ARMS
+    # Effects are imported here, where a scene has named them, and no others.
     for term in model.terms:
-        if isinstance(term, AxialTerm):
+        if term.name == "springs":
+            from ldcs_ros.physics.effects.springs import AxialTerm
+
+            assert isinstance(term, AxialTerm)
             family, spring = _families(term, n)
-        elif isinstance(term, DragTerm):
+        elif term.name == "drag":
+            from ldcs_ros.physics.effects.drag import DragTerm
+
+            assert isinstance(term, DragTerm)
             drag = term.scale
-        elif isinstance(term, PlaneContact):
+        elif term.name in ("support", "floor"):
+            from ldcs_ros.physics.contact import PlaneContact
+
+            assert isinstance(term, PlaneContact)
             contact_at.append(term.vertical)
             row = np.array([term.height, term.stiffness, term.damping, term.contact_width])
             contact.append(np.tile(row[:, None], len(term.vertical)))
-        elif isinstance(term, ArmsTerm):
+        elif term.name == "arms":
+            from ldcs_ros.physics.effects.arms import ArmsTerm
+
+            assert isinstance(term, ArmsTerm)
             arms = term.tables
     return ForceTables(
         family,
@@ -245,7 +230,7 @@ def _tables(model: Model) -> ForceTables:
 
 
 def _families(term: AxialTerm, n: int) -> tuple[np.ndarray, np.ndarray]:
-    offsets = _offsets(term)
+    offsets = spring_offsets(term)
     which = np.searchsorted(offsets, term.b - term.a)
     spring = np.zeros((3, len(offsets), n))
     for row, value in enumerate((term.k, term.k * term.rest_length, term.c)):
