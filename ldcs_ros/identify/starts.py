@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.simulation.command_directions import (
     OperatingPoint,
@@ -13,7 +12,7 @@ from ldcs_ros.simulation.command_directions import (
     command_directions,
     force_slope,
 )
-from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
+from ldcs_ros.simulation.linear_model import mass_matrix, rest_factors, stiffness_and_damping
 from ldcs_ros.simulation.run_parameters import start_modes
 
 # Natural modes beside the shapes in which commands bend the sheet.
@@ -65,7 +64,7 @@ def start_at(at: OperatingPoint, time: float) -> Start:
     """
     model, still = at.model, np.zeros_like(at.u)
     by_q, _ = stiffness_and_damping(model, at.time, at.q, still, at.held)
-    factors, mass = sparse_linalg.splu(by_q), mass_matrix(model, at.q)
+    factors, mass = rest_factors(by_q), mass_matrix(model, at.q)
     names = [name for name in all_commands(at) if not name.startswith("wrench")]
     bent = [
         factors.solve(force_slope(model, at.time, at.q, still, at.held, one))

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.simulation.command_directions import CommandDirection, OperatingPoint, force_slope
 from ldcs_ros.simulation.equilibrium import LARGEST_STEP, equilibrium
-from ldcs_ros.simulation.linear_model import stiffness_and_damping
+from ldcs_ros.simulation.linear_model import rest_factors, stiffness_and_damping
 from ldcs_ros.simulation.stability import Stability, stability
 
 
@@ -74,4 +73,4 @@ class RestStates:
             for command in self._commands
         ]
         self.moves = np.zeros((len(self.q), len(slopes)))
-        self.moves[self._model.free] = -sparse_linalg.splu(by_q).solve(np.array(slopes).T)
+        self.moves[self._model.free] = -rest_factors(by_q).solve(np.array(slopes).T)

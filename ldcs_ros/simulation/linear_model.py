@@ -11,6 +11,7 @@ from scipy import linalg, sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros import extras
+from ldcs_ros.errors import SolverError
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.model import Model
 from ldcs_ros.simulation.command_directions import (
@@ -28,6 +29,8 @@ MOST_DENSE = 700
 """Free coordinates up to which all eigenvalues of dense matrices cost less than a search for one."""
 FEWEST = 0.01
 """Part of them up to which a search by a dense Cholesky factor takes a third of the time, as measured."""
+LEAST_PIVOT = 1e-15
+"""A pivot below this fraction of the largest one is rounding: doubles have 1.1e-16, stiff couplings reach 1e-12."""
 LEAST_SEARCHED = 6
 """Modes that a search finds at least: the nearest to its shift are not always the lowest."""
 
@@ -103,7 +106,41 @@ def stiffness_and_damping(
         added = sparse.lil_matrix((size, size))
         added[:, place[rotating[used]]] = slope[np.ix_(model.free, used)]
         by_q = (by_q + added).tocsc()
+    if model.arms is not None and model.n_free_angles and not model.arms.used.all():
+        by_q = (by_q - sparse.diags(_held_stiffness(model, q, by_q))).tocsc()
     return by_q, by_u
+
+
+def _held_stiffness(model: Model, q: np.ndarray, by_q: sparse.csc_matrix) -> np.ndarray:
+    # Of the coordinates of links that a shorter arm does not have, which stay 0: a frequency above those of all nodes.
+    blocks = model.inertia(q)
+    assert model.arms is not None and blocks is not None
+    inertia = np.concatenate([np.diag(block) for block in blocks])
+    nodes = model.n_free_nodes
+    fastest = np.abs(by_q.diagonal()[:nodes] / model.mass).max(initial=1.0)
+    held = np.zeros(len(model.free))
+    held[nodes:] = np.where(model.arms.used.ravel(), 0.0, fastest * inertia)
+    return held
+
+
+def rest_factors(by_q: sparse.csc_matrix) -> sparse_linalg.SuperLU:
+    """Return factors of df/dq at a rest state, which answer how the state moves with a force.
+
+    Raises:
+        SolverError: A motion meets no stiffness, so that commands do not determine the rest state.
+    """
+    try:
+        factors = sparse_linalg.splu(by_q)
+    except RuntimeError:  # SciPy's word for an exactly singular matrix
+        factors = None
+    if factors is not None:
+        pivots = np.abs(factors.U.diagonal())
+        if pivots.min() > LEAST_PIVOT * pivots.max():
+            return factors
+    raise SolverError(
+        "the rest state is not determined: a motion of the sheet or of an arm meets no stiffness; "
+        "expected springs, joints or supports that hold every node and link"
+    )
 
 
 def mass_matrix(model: Model, q: np.ndarray) -> sparse.csc_matrix:

@@ -17,7 +17,7 @@ from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.units import TIME_TOLERANCE
 from ldcs_ros.simulation.command_directions import AXES
 from ldcs_ros.simulation.follower import Followed
-from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
+from ldcs_ros.simulation.linear_model import mass_matrix, rest_factors, stiffness_and_damping
 from ldcs_ros.simulation.run_parameters import (
     CommandColumns,
     CommandProfile,
@@ -252,7 +252,7 @@ class TangentRun:
         q, u = self._rest, np.zeros_like(motion.u)
         by_q, _ = stiffness_and_damping(self._model, motion.time, q, u, held)
         forces = self._forces(motion.time, q, u, np.zeros(len(self._model.free)))
-        return -np.asarray(sparse_linalg.splu(by_q).solve(forces))
+        return -np.asarray(rest_factors(by_q).solve(forces))
 
     def _forces(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
         result = np.zeros((len(self._model.free), len(self._columns)))

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.points import Point, point_at
@@ -21,7 +20,7 @@ from ldcs_ros.simulation.command_directions import (
     force_slope,
 )
 from ldcs_ros.simulation.equilibrium import equilibrium
-from ldcs_ros.simulation.linear_model import stiffness_and_damping
+from ldcs_ros.simulation.linear_model import rest_factors, stiffness_and_damping
 from ldcs_ros.simulation.scene_number import SceneNumber
 from ldcs_ros.simulation.stability import stability
 
@@ -74,7 +73,7 @@ def sensitivity(at: OperatingPoint, of: Sequence[str], to: Sequence[str]) -> Sta
     q = equilibrium(model, at.q, time, held)
     u = np.zeros_like(q)
     by_q, _ = stiffness_and_damping(model, time, q, u, held)
-    factors = sparse_linalg.splu(by_q)
+    factors = rest_factors(by_q)
     for name in to:
         if name.partition(".")[0] in KINDS:
             for one in command_directions(at, name):
