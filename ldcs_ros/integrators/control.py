@@ -55,7 +55,6 @@ HORIZON = 10.0
 FIXED_STEP_TOLERANCE = 1e-8
 # A fixed step that fails is taken in parts, down to this share of it.
 LEAST_PART = 2.0**-10
-PATIENCE = 40  # iterations: a fixed step cannot be shortened for being slow
 
 
 @dataclass(frozen=True)
