@@ -68,7 +68,9 @@ class Row:
 
     def compared(self, positions: np.ndarray, known: np.ndarray, cpu: float, duration: float) -> Row:
         """Return the row with the error of positions against known ones [m] and the CPU time of a duration [s]."""
-        return replace(self, error=float(np.abs(positions - known).max()), cpu=cpu / duration)
+        # Nodes in holes have no place.
+        gap = np.abs(positions - known)[~np.isnan(known)]
+        return replace(self, error=float(gap.max()), cpu=cpu / duration)
 
     def counted(self, spent: Statistics) -> Row:
         """Return the row with the counts of a run."""

@@ -147,3 +147,10 @@ def test_presets_name_only_what_there_is():
             assert drive_problem(scene) if scene in DRIVEN else content_of(scene)
     assert {task.method for task in plan.full()} >= set(INTEGRATORS)
     assert {task.key for task in plan.full()} >= {task.key for task in plan.targets()}
+
+
+def test_nodes_of_holes_have_no_error_and_a_lost_position_has():
+    row = Row("accuracy", "perforated", 2, "esdirk43", "accuracy", 1e-4)
+    known = np.array([[[0.0, 0.0, 0.0], [np.nan, np.nan, np.nan]]])
+    assert row.compared(known + 3e-5, known, 1.0, 2.0).error == pytest.approx(3e-5)
+    assert np.isnan(row.compared(np.full_like(known, np.nan), known, 1.0, 2.0).error)
