@@ -5,12 +5,13 @@ from __future__ import annotations
 from contextlib import suppress
 
 from ldcs_ros.errors import CommandError, DivergenceError
+from ldcs_ros.physics.kernels.coverage import is_covered
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.simulation.simulation import Simulation
 
 FIRST_TIME = 1e-4  # s
 # Commands at this interval [s], at most so many: some hundredths of a second wait in the valves of an arm.
-INTERVAL, MOST_COMMANDS = 1e-3, 200
+INTERVAL, MOST_COMMANDS = 1e-3, 60
 # Commands rise by this fraction of what the scene allows, or by this force [N], each time, and return to zero.
 RISE, FORCE, PERIOD = 1e-4, 1e-6, 10
 
@@ -25,7 +26,8 @@ def warm_up(scene: Scene, *, commanded: bool = False) -> None:
     simulation = scene.build()
     with suppress(DivergenceError):
         simulation.advance_to(FIRST_TIME)
-        for k in range(MOST_COMMANDS if commanded else 0):
+        # Other scenes have no such kernels, and a fine lattice would take long for the commands.
+        for k in range(MOST_COMMANDS if commanded and is_covered(simulation.model) else 0):
             if simulation.follows_commands or not _send(simulation, 1 + k % PERIOD):
                 return
             simulation.advance_to(FIRST_TIME + (k + 1) * INTERVAL)
@@ -40,7 +42,8 @@ def _send(simulation: Simulation, rises: int) -> bool:
         inputs.set_torque(rises * RISE * min(own.torque_limit for own in arms.each))
     else:
         try:
-            inputs.set_wrench(next(iter(simulation.points), ""), force=(0.0, 0.0, rises * FORCE))
+            # With axes of the base: the formula knows no wrench that turns with the sheet.
+            inputs.set_wrench(f"{next(iter(simulation.points), '')}_aligned", force=(0.0, 0.0, rises * FORCE))
         except CommandError:
             return False
     return True
