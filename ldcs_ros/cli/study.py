@@ -90,6 +90,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=Path("out/study"),
         help="folder; out/study if not given",
     )
+    parser.add_argument(
+        "--against",
+        metavar="CHECKOUT",
+        type=Path,
+        help="with --targets: folder of another checkout of this project; runs take turns with the same runs there",
+    )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--jobs", metavar="N", type=_jobs, default=1, help="processes; with more than one, times are noisier"
@@ -116,7 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ldcs_ros.study.accuracy_check import accuracy_summary
     from ldcs_ros.study.diagram import draw, draw_summary
     from ldcs_ros.study.execute import run_tasks, workers
-    from ldcs_ros.study.plan import PRESETS
+    from ldcs_ros.study.plan import PRESETS, paired
     from ldcs_ros.study.recommendation import recommendation
     from ldcs_ros.study.report import report
     from ldcs_ros.study.rows import Table
@@ -127,6 +133,8 @@ def run(arguments: argparse.Namespace) -> int:
         only_with("--accuracy", {"--scenes": arguments.scenes, "--first-seed": arguments.first_seed})
     if arguments.preset not in ("hard", "accuracy"):
         only_with("--hard or --accuracy", {"--only": arguments.only})
+    if arguments.preset != "targets":
+        only_with("--targets", {"--against": arguments.against})
     if arguments.preset == "hard":
         return run_hard_cases(arguments)
     if arguments.preset == "accuracy":
@@ -134,8 +142,12 @@ def run(arguments: argparse.Namespace) -> int:
     folder, here = arguments.output, machine()
     path = folder / "study.csv"
     command = f"ldcs study --{arguments.preset}" + (f" --jobs {arguments.jobs}" if arguments.jobs > 1 else "")
+    if arguments.against is not None:
+        command += " --against CHECKOUT"
     commands = _remember_machine(path, here, command, again=arguments.again)
     table, tasks = Table(path), PRESETS[arguments.preset]()
+    if arguments.against is not None:
+        tasks += paired(str(_checkout(arguments.against)))
     if arguments.again:
         table.remove(tasks)
     had = {row.key for row in table.rows}
@@ -189,6 +201,15 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"\n{summary['recommendation']}")
     missed = arguments.preset == "targets" and any(aim.met is False for aim in aims)
     return 0 if accuracy.met and not missed else EXIT_MISSED
+
+
+def _checkout(folder: Path) -> Path:
+    if not (folder / "ldcs_ros" / "__init__.py").is_file():
+        raise CommandLineError(
+            f"--against {folder}: no checkout of this project, its ldcs_ros/__init__.py is missing; "
+            f"make one with `git worktree add {folder} COMMIT`"
+        )
+    return folder.resolve()
 
 
 def _print_targets(aims: list[Target]) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from ldcs_ros.scene import shipped_scenes
 from ldcs_ros.study.command_rates import SMOOTH
 from ldcs_ros.study.drive_profiles import DRIVEN
+from ldcs_ros.study.paired_runs import ASKED
 from ldcs_ros.study.rows import BASELINE, Key, Task
 from ldcs_ros.study.verified_runs import ACCURACY, SCENES
 
@@ -71,7 +72,10 @@ def targets() -> list[Task]:
         *_sweep("paper", 9, ("esdirk43", "trbdf2"), (1e-4, 1e-5, 1e-6)),
         *_sweep("paper", 9, ("scipy_BDF",), (1e-5, 1e-6, 1e-7), runs=1),
         *_sweep("arc", 33, ("esdirk43",), (1e-4, 2e-5), runs=3),
-        *_baseline(33, (0.02, 0.01), weight=4.0),
+        *_sweep("arc", 17, ("esdirk43",), (1e-4, 1e-5), runs=3),
+        *_baseline(17),
+        *_sweep("arc", 33, ("esdirk43",), (1e-5,), runs=3),
+        *_baseline(33, (0.02, 0.01, 0.005), weight=4.0),
         *_sweep("arc", 33, ("scipy_BDF",), (1e-5,), runs=1, budget=20.0, weight=20.0),
         *_sweep("arc", 65, ("esdirk43",), (1e-4, 2e-5), runs=1, budget=300.0, weight=8.0),
         *_baseline(65, (0.02, 0.01), weight=35.0, budget=120.0),
@@ -79,6 +83,14 @@ def targets() -> list[Task]:
         *_rates((SMOOTH, 100.0, 1000.0)),
         *_accuracy_checks(),
         *_verified(SCENES),
+    ]
+
+
+def paired(checkout: str) -> list[Task]:
+    """Return the runs beside another checkout of this project, by its folder."""
+    return [
+        Task("paired", scene, 9, "auto", kind, rate, 2, weight=15.0, checkout=checkout)
+        for scene, kind, rate in ASKED
     ]
 
 

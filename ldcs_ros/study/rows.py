@@ -29,12 +29,12 @@ class Row:
     Attributes:
         kind: 'curve' (a point of a work-precision diagram), 'accuracy' (asked against real accuracy), 'effect' (cost
             of an effect), 'spatial' (error of the lattice itself), 'scaling' (cost and memory by lattice size), 'rate'
-            (commands at a rate), 'verified' (cost of a verified run), 'learning' (steps of environments), 'check'
-            (the reference against another solver).
+            (commands at a rate), 'verified' (cost of a verified run), 'learning' (steps of environments), 'paired'
+            (a run in turns with another checkout), 'check' (the reference against another solver).
         scene: Problem by name.
         nodes: Nodes along a side.
         method: Integrator, or a solver of another origin.
-        setting: 'accuracy', 'dt' or 'rate'; for an effect, the one that is left out.
+        setting: 'accuracy', 'dt' or 'rate'; for an effect, the one that is left out; for a pair, its kind of commands.
         value: The setting's value [m, s or Hz].
         error: Largest node position error at the comparison times [m].
         cpu: CPU seconds per simulated second, one thread.
@@ -96,6 +96,7 @@ class Task:
         runs: Most runs; the best CPU time counts.
         budget: CPU time that one run may take, judged by the pace of its first steps [s].
         weight: Rough duration for the progress bar [s].
+        checkout: Folder of the other checkout of a pair.
     """
 
     kind: str
@@ -107,6 +108,7 @@ class Task:
     runs: int = 3
     budget: float = 30.0
     weight: float = 1.0
+    checkout: str = ""
 
     def row(self) -> Row:
         """Return the task's row without results."""

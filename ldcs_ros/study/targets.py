@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ldcs_ros.study.accuracy_check import MAX_FACTOR, MIN_FRACTION, accuracy_summary
 from ldcs_ros.study.command_rates import ACCURACY, rate_costs
+from ldcs_ros.study.paired_runs import ASKED, SHIPPED, paired_costs
 from ldcs_ros.study.recommendation import cheapest, cost_ratio, curves
 from ldcs_ros.study.rows import BASELINE, METHODS_APART, SCIPY, Row
 from ldcs_ros.study.scaling import exponents, measured_sizes, peak_memory
@@ -19,6 +20,15 @@ SPEEDS = {
     ("arc", 33, 2e-5): 8.0,
     ("arc", 65, 2e-5): 1.0,
 }
+# (scene, nodes, error) -> (solver, how many times our CPU time it is asked to take).
+RIVALS = {
+    ("arc", 9, 1e-5): (BASELINE, 3.0),
+    ("arc", 17, 1e-5): (BASELINE, 4.0),
+    ("arc", 33, 1e-5): (BASELINE, 6.0),
+    ("paper", 9, 1e-5): (SCIPY[0], 25.0),
+    ("paper", 9, 1e-6): (SCIPY[0], 25.0),
+}
+COMMANDED_RIVAL = 1.2  # the compiled RKC2's CPU time over ours on `arc_pushed`
 LARGEST, MAX_MEMORY = 129, 2048.0  # nodes along a side, MiB
 SMALLEST, MAX_EXPONENT = 17, 1.3
 COMMAND_RATES = {100.0: 0.5, 1000.0: None}  # Hz -> smallest fraction of the smooth case's speed
@@ -51,7 +61,7 @@ class Target:
 
 def targets(rows: Sequence[Row]) -> list[Target]:
     """Return all targets in the order in which they were set, with or without a measurement."""
-    return [*_speeds(rows), *_large(rows), *_commands(rows), *_accuracy(rows)]
+    return [*_speeds(rows), *_rivals(rows), *_large(rows), *_commands(rows), *_pairs(rows), *_accuracy(rows)]
 
 
 def _speeds(rows: Sequence[Row]) -> Iterator[Target]:
@@ -67,6 +77,21 @@ def _speeds(rows: Sequence[Row]) -> Iterator[Target]:
         reached = 1.0 / row.cpu
         text = f"{reached:.3g} x (`{row.method}`, error {row.error:.1e} m)"
         yield Target(name, asked, text, reached >= lowest, _competitors(methods, row, error))
+
+
+def _rivals(rows: Sequence[Row]) -> Iterator[Target]:
+    for (scene, nodes, error), (solver, lowest) in RIVALS.items():
+        methods = curves(rows).get((scene, nodes), {})
+        ours = cheapest(
+            (row for name, made in methods.items() if name not in METHODS_APART for row in made), error
+        )
+        ratio = None if ours is None else cost_ratio(methods.get(solver, []), ours, error)
+        yield Target(
+            f"`{scene}` {nodes} x {nodes}, error <= {error:.0e} m, against {NAMES[solver]}",
+            f">= {lowest:g} times as fast",
+            "not measured" if ratio is None else f"{ratio:.2f} times",
+            None if ratio is None else ratio >= lowest,
+        )
 
 
 def _competitors(methods: dict[str, list[Row]], ours: Row, error: float) -> str:
@@ -118,8 +143,9 @@ def _commands(rows: Sequence[Row]) -> Iterator[Target]:
             continue
         lowest, row = COMMAND_RATES[rate], cost.row
         others = [(NAMES[method], other) for method, other in cost.others.items() if method in NAMES]
+        name = f"`{scene}`, commands at {rate:g} Hz, {ACCURACY:.0e} m"
         yield Target(
-            f"`{scene}`, commands at {rate:g} Hz, {ACCURACY:.0e} m",
+            name,
             "-" if lowest is None else f">= {lowest:g} of the smooth case",
             f"{cost.speed:.2f} of smooth ({1.0 / row.cpu:.3g} x real time, error {row.error:.1e} m)",
             None if lowest is None else cost.speed >= lowest and row.error <= ACCURACY,
@@ -128,6 +154,28 @@ def _commands(rows: Sequence[Row]) -> Iterator[Target]:
                 for label, other in others
             ),
         )
+        rival = cost.others.get(BASELINE)
+        if rival is not None and not rival.failure:
+            ratio = rival.cpu / row.cpu
+            yield Target(
+                f"{name}, against {NAMES[BASELINE]}",
+                f">= {COMMANDED_RIVAL:g} times as fast",
+                f"{ratio:.2f} times",
+                ratio >= COMMANDED_RIVAL,
+            )
+
+
+def _pairs(rows: Sequence[Row]) -> Iterator[Target]:
+    made = {(cost.row.scene, cost.row.setting, cost.row.value): cost for cost in paired_costs(rows)}
+    for (scene, kind, rate), lowest in ASKED.items():
+        what = "own commands" if rate == SHIPPED else f"{kind} commands at {rate:g} Hz"
+        name, asked = f"`{scene}`, {what}, beside another checkout", f">= {lowest:g} times as fast"
+        cost = made.get((scene, kind, rate))
+        if cost is None:
+            yield Target(name, asked, "not measured", None)
+            continue
+        text = f"{cost.times:.2f} times ({1.0 / cost.row.cpu:.3g} x real time, error {cost.row.error:.1e} m)"
+        yield Target(name, asked, text, cost.times >= lowest and cost.row.error <= ACCURACY)
 
 
 def _accuracy(rows: Sequence[Row]) -> Iterator[Target]:

@@ -31,6 +31,7 @@ MODULES = {
     "scaling": "scaling",
     "rate": "command_rates",
     "verified": "verified_runs",
+    "paired": "paired_runs",
     "learning": "environment_steps",
 }
 

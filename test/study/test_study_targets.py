@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
-from ldcs_ros.study import report, scaling
+from ldcs_ros.study import paired_runs, report, scaling
 from ldcs_ros.study.rows import Row, Task
 from ldcs_ros.study.targets import Target, targets
 from ldcs_ros.study.tasks import perform
@@ -28,17 +29,22 @@ def rated(rate, cpu, error=1e-6, method="esdirk43"):
     return Row("rate", "paper", 9, method, "rate", rate, error=error, cpu=cpu, steps=4)
 
 
+def pushed(method, cpu):
+    return Row("rate", "arc_pushed", 9, method, "rate", 100.0, error=1e-6, cpu=cpu, steps=4)
+
+
 def found(rows, words):
-    (target,) = [target for target in targets(rows) if words in target.name]
+    exact = [target for target in targets(rows) if target.name == words]
+    (target,) = exact or [target for target in targets(rows) if words in target.name]
     return target
 
 
 def test_a_speed_is_met_missed_or_not_measured():
     rows = [curve("esdirk43", 1e-6, 0.005), curve("compiled_rkc2", 1e-6, 0.02), curve("scipy_BDF", 5e-5, 0.1)]
-    fast = found(rows, "`arc` 9 x 9, error <= 1e-05")
+    fast = found(rows, "`arc` 9 x 9, error <= 1e-05 m")
     assert fast.met and fast.verdict == "met" and "200 x" in fast.reached
     assert fast.others == "compiled RKC2: 4.0 times ours; SciPy BDF: 20.0 times ours, error 5.0e-05 m"
-    assert found(rows, "`arc` 33 x 33").verdict == "-"
+    assert found(rows, "`arc` 33 x 33, error <= 2e-05 m").verdict == "-"
     slow = found([curve("esdirk43", 1e-5, 2.0, nodes=65)], "65 x 65")
     assert slow.met is False and slow.verdict == "MISSED"
 
@@ -65,13 +71,59 @@ def test_scaling_counts_from_end_to_end_and_by_least_squares():
 
 def test_commands_are_judged_by_the_smooth_case_and_by_their_error():
     rows = [rated(0.0, 0.01), rated(100.0, 0.019), rated(1000.0, 0.5), rated(100.0, 0.19, method="scipy_BDF")]
-    hundred = found(rows, "commands at 100 Hz")
+    hundred = found(rows, "commands at 100 Hz, 1e-05 m")
     assert (
         hundred.met and "0.53 of smooth" in hundred.reached and "SciPy BDF: 10 times ours" in hundred.others
     )
-    assert found(rows, "commands at 1000 Hz").verdict == "-"
-    assert found([rated(0.0, 0.01), rated(100.0, 0.021)], "100 Hz").met is False
-    assert found([rated(0.0, 0.01), rated(100.0, 0.01, error=2e-5)], "100 Hz").met is False
+    assert found(rows, "commands at 1000 Hz, 1e-05 m").verdict == "-"
+    assert found([rated(0.0, 0.01), rated(100.0, 0.021)], "100 Hz, 1e-05 m").met is False
+    assert found([rated(0.0, 0.01), rated(100.0, 0.01, error=2e-5)], "100 Hz, 1e-05 m").met is False
+
+
+def test_a_target_against_another_solver_is_a_ratio_of_one_run():
+    rows = [curve("esdirk43", 1e-6, 0.005), curve("compiled_rkc2", 1e-6, 0.02), curve("trbdf2", 1e-6, 0.1)]
+    against = "`arc` 9 x 9, error <= 1e-05 m, against compiled RKC2"
+    assert found(rows, against) == Target(against, ">= 3 times as fast", "4.00 times", True)
+    assert found([*rows, curve("compiled_rkc2", 9e-6, 0.01, value=0.1)], against).met is False
+    assert found(rows[:1], against).met is None
+    ours = [pushed("esdirk43", 0.01), Row(**{**vars(pushed("esdirk43", 0.01)), "value": 0.0})]
+    target = found([*ours, pushed("compiled_rkc2", 0.011)], "100 Hz, 1e-05 m, against")
+    assert target.met is False and target.reached == "1.10 times"
+
+
+def test_a_pair_is_met_by_its_ratio_and_its_error():
+    def pair(cpu, error=4e-6):
+        return Row("paired", "rig", 9, "auto", "noisy", 100.0, error=error, cpu=cpu, extra="other 0.4")
+
+    words = "`rig`, noisy commands at 100 Hz"
+    assert found([], words).verdict == "-"
+    assert found([pair(0.1)], words).met and found([pair(0.1)], words).reached.startswith("4.00 times")
+    assert found([pair(0.11)], words).met is False
+    assert found([pair(0.05, error=1.2e-5)], words).met is False
+
+
+def test_a_checkout_beside_itself_is_about_as_fast(monkeypatch):
+    monkeypatch.setattr(paired_runs, "SPAN", 0.1)
+    checkout = str(Path(__file__).resolve().parents[2])
+    (row,) = perform(Task("paired", "paper", 9, "auto", "smooth", 100.0, 2, checkout=checkout))
+    assert row.failure == "" and 0.0 < row.error < 1e-5 and row.steps > 9
+    # Two runs of one program: even a busy machine makes no factor of five between the lesser of two times.
+    assert 0.2 < paired_runs.paired_costs([row])[0].times < 5.0
+
+
+def test_a_pair_whose_other_checkout_fails_says_why(tmp_path, monkeypatch):
+    (tmp_path / "ldcs_ros").mkdir()
+    (tmp_path / "ldcs_ros" / "__init__.py").write_text("raise SystemExit('no scenes here')")
+    monkeypatch.setattr(paired_runs, "SPAN", 0.01)
+    (row,) = perform(Task("paired", "paper", 9, "auto", "smooth", 100.0, 1, checkout=str(tmp_path)))
+    assert f"{tmp_path} ended with 1: no scenes here" in row.failure
+
+
+def test_noise_lies_on_the_course_and_commands_stay_positive():
+    smooth, noisy = (paired_runs.commands("rig", kind, 1000.0) for kind in ("smooth", "noisy"))
+    assert len(smooth) == 1600 and max(smooth) == pytest.approx(140e3, rel=1e-9) and min(noisy) == 0.0
+    off = [a - b for a, b in zip(noisy, smooth, strict=True)]
+    assert (sum(e * e for e in off) / len(off)) ** 0.5 == pytest.approx(1400.0, rel=0.05)
 
 
 def test_a_failed_run_counts_against_the_accuracy():

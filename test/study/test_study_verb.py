@@ -96,6 +96,13 @@ def test_a_wrong_command_line_is_one_line(capsys, tmp_path, words):
     assert status == 2 and error.startswith("ldcs: error: ") and error.count("\n") == 1
 
 
+def test_another_checkout_is_one_of_this_project_and_goes_with_the_targets(capsys, tmp_path):
+    status, _, error = study(capsys, tmp_path, "--targets", "--against", str(tmp_path))
+    assert status == 2 and "ldcs_ros/__init__.py is missing" in error and "git worktree add" in error
+    status, _, error = study(capsys, tmp_path, "--quick", "--against", str(tmp_path))
+    assert status == 2 and "--targets" in error
+
+
 def test_measuring_a_preset_again_leaves_the_rows_of_others(undrawn, capsys, tmp_path, monkeypatch):
     study(capsys, tmp_path)
     monkeypatch.setitem(plan.PRESETS, "targets", lambda: TASKS[:2])
