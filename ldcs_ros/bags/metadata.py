@@ -55,6 +55,7 @@ class BagMetadata:
 
     @property
     def files(self) -> tuple[str, ...]:
+        """The names of the files in their order, without folders."""
         listed = self.content.get("relative_file_paths")
         return (
             tuple(Path(name).name for name in listed if isinstance(name, str))
@@ -64,11 +65,13 @@ class BagMetadata:
 
     @property
     def compression(self) -> str:
+        """'file', 'message' or '' without any."""
         mode = self.content.get("compression_mode")
         return mode.lower() if isinstance(mode, str) and mode.lower() != "none" else ""
 
     @property
     def custom_data(self) -> dict[str, str]:
+        """The recorder's own texts by key."""
         texts = self.content.get("custom_data")
         return {str(k): v for k, v in texts.items() if isinstance(v, str)} if isinstance(texts, dict) else {}
 

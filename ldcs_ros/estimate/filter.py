@@ -160,7 +160,7 @@ class SurfaceFilter:
 
         Args:
             time: Time of the measurements; those older than the state are ignored.
-            measured: Position in ldcs_base [m] by point.
+            measured: Position in ldcs_base [m] by point, shape (3,) each.
 
         Returns:
             The normalised innovation squared, or None if they were ignored.

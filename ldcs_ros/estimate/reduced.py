@@ -124,7 +124,10 @@ class ReducedModel:
     def step(
         self, a: np.ndarray, v: np.ndarray, pressure: np.ndarray, theta: np.ndarray, h: float, slopes: Slopes
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return a and v a time h [s] later, by the Rosenbrock method ROS2 (order 2, L-stable, Verwer 1999)."""
+        """Return a and v, shape (n,) each, a time h [s] later by the Rosenbrock method ROS2.
+
+        Its order is 2, and it is L-stable (Verwer and others 1999).
+        """
         mass, (by_a, by_v, _) = self.mass(theta), slopes
         g = _GAMMA * h
         matrix = mass - g * by_v - g * g * by_a

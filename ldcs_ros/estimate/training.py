@@ -61,7 +61,12 @@ def _held(draw: np.random.Generator, count: int) -> np.ndarray:
 
 
 def full_run(scene: Scene, commands: np.ndarray) -> FullRun:
-    """Return a run of the full model from the rest state of the first command."""
+    """Return a run of the full model from the rest state of the first command.
+
+    Args:
+        scene: The scene.
+        commands: Pressures of the arms, one row a period [Pa], shape (n_periods, n_arms).
+    """
     import time
 
     simulation = scene.edited({"solver.accuracy": ACCURACY, "inputs": None}).build()

@@ -120,7 +120,13 @@ def correlation(minimum: Minimum) -> np.ndarray:
 
 
 def score(experiments: Sequence[Experiment], residual: np.ndarray, *, name: str = "all") -> Score:
-    """Return the score of residuals that belong to some bags, in their order."""
+    """Return the score of residuals that belong to some bags.
+
+    Args:
+        experiments: The bags.
+        residual: Residuals of all finite measurements, bag after bag, shape (n_residuals,).
+        name: Name of the score.
+    """
     tracks, means, used = [], [0.0], 0
     lags = 1
     for experiment in experiments:
@@ -166,7 +172,7 @@ def _normal(statistic: float, freedom: int) -> float:
 
 
 def scores(experiments: Sequence[Experiment], residual: np.ndarray) -> list[Score]:
-    """Return the score of each bag."""
+    """Return the score of each bag; the residuals are those of `score`, shape (n_residuals,)."""
     parts, used = [], 0
     for experiment in experiments:
         parts.append(score([experiment], residual[used : used + experiment.count], name=experiment.name))

@@ -114,7 +114,7 @@ def scene_values(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def start_values(values: Mapping[str, float], number: int) -> np.ndarray:
-    """Return the values that are those of the start of an experiment, by its index, in their order."""
+    """Return the values of an experiment's start, by its index, in their order, shape (n_start_values,)."""
     return np.array([value for path, value in values.items() if path.startswith(f"start[{number}].")])
 
 

@@ -109,7 +109,7 @@ def schedule(
         content: The scene.
         experiment: The experiment.
         rest: Time until which it rests [s].
-        pressure: Pressures of the rest state, if they are not those of the experiment [Pa].
+        pressure: Pressures of the rest state, if they are not those of the experiment [Pa], shape (n_arms,).
     """
     simulation = load_scene({**content, "inputs": list(experiment.schedule)}).build()
     receiver, inputs = Commands(simulation), simulation.inputs

@@ -49,7 +49,11 @@ class Start:
         return [*pressures, *[(0.0, -self.reach, self.reach)] * n, *[(0.0, -speed, speed)] * n]
 
     def split(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pressures [Pa], and displacement [m, rad] and velocity of the free coordinates."""
+        """Return the parts of the numbers, shape (n_arms + 2 n_shapes,).
+
+        They are the pressures [Pa], shape (n_arms,), and displacement [m, rad] and velocity [m/s, rad/s] of the free
+        coordinates, shape (n_free,).
+        """
         arms, n = len(self.pressure), self.shapes.shape[1]
         along, speed = numbers[arms : arms + n], numbers[arms + n :]
         return numbers[:arms], self.shapes @ along, self.shapes @ speed

@@ -51,7 +51,7 @@ class Workers:
     def residuals(
         self, candidates: Sequence[dict[str, float]], *, accuracy: float = FIT_ACCURACY
     ) -> list[np.ndarray | None]:
-        """Return for each candidate the residuals of all bags in one vector; None if a bag has no answer.
+        """Return for each candidate the residuals of all bags, shape (n_residuals,); None if a bag has no answer.
 
         Raises:
             IdentificationError: A worker process ended.

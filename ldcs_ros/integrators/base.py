@@ -163,7 +163,7 @@ class Integrator:
         self.patience = 10
 
     def start(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> Motion:
-        """Return the motion at coordinates q and rates u, with the accelerations that the inputs give."""
+        """Return the motion at all coordinates q and rates u, shape (n_coordinates,), with its accelerations."""
         self.counters.evaluations += 1
         return Motion(time, q, u, self.model.accelerate(time, q, u, inputs))
 
@@ -201,11 +201,11 @@ class Integrator:
         return self.model.command_jump(motion.time, motion.q, motion.u, before, after)
 
     def smooth_jump(self, motion: Motion, jump: np.ndarray) -> np.ndarray:
-        """Return the part of a jump in acceleration [m/s^2] that lasts through the next step; here all of it."""
+        """Return the part of a jump in acceleration that lasts through the next step, shape (n_free,); here all."""
         return jump
 
     def largest_displacement(self, q: np.ndarray) -> float:
-        """Return the largest displacement [m] in free coordinates; an angle counts as its arm's tip."""
+        """Return the largest displacement [m] in q, shape (n_free,); an angle counts as its arm's tip."""
         return float(np.max(np.abs(q) * self._reach, initial=0.0))
 
     def fastest(self, motion: Motion) -> str:

@@ -27,19 +27,19 @@ class FirstOrder:
         self.start = np.concatenate([motion.q[model.free], motion.u[model.free]])
 
     def place(self, time: float, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return all coordinates and rates at a time and a y; valid until the next call."""
+        """Return all coordinates and rates, shape (n_coordinates,), at y, shape (2 n_free,), until the next call."""
         self._q[self.model.free], self._u[self.model.free] = y[: self._n], y[self._n :]
         self.model.prescribe(time, self._q, self._u)
         return self._q, self._u
 
     def slope(self, time: float, y: np.ndarray) -> np.ndarray:
-        """Return F = (u, M^-1 f)."""
+        """Return F = (u, M^-1 f), shape (2 n_free,)."""
         self.evaluations += 1
         a = self.model.accelerate(time, *self.place(time, y), self.inputs)
         return np.concatenate([y[self._n :], a])
 
     def jacobian(self, time: float, y: np.ndarray) -> Any:
-        """Return dF/dy as a sparse matrix; the mass matrix counts as constant."""
+        """Return dF/dy as a sparse matrix, shape (2 n_free, 2 n_free); the mass matrix counts as constant."""
         q, u = self.place(time, y)
         values = self.model.jacobian(time, q, u, self.inputs, positive_definite=False)
         rows, columns = self.model.jacobian_pattern
@@ -52,7 +52,7 @@ class FirstOrder:
         return sparse.bmat([[None, sparse.identity(self._n)], blocks], format="csc")
 
     def motion(self, time: float, y: np.ndarray) -> Motion:
-        """Return the motion at a time and a y."""
+        """Return the motion at a time and a y, shape (2 n_free,)."""
         q, u = self.place(time, y)
         return Motion(time, q.copy(), u.copy(), self.model.accelerate(time, q, u, self.inputs))
 

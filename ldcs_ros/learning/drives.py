@@ -55,7 +55,7 @@ class Drives:
         return action
 
     def hold(self, action: np.ndarray) -> None:
-        """Command the arms."""
+        """Command the arms by an action, shape (n_arms,), each in [-1, 1]."""
         command = self.command_of(action)
         if self.by_pressure:
             self._simulation.inputs.set_pressure(command)

@@ -101,7 +101,7 @@ class SurfaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[np.ndarray, Info]:
-        """Draw a target and go to the episode's start; the same seed gives the same episode."""
+        """Draw a target and return the first observation, shape (n_observed,); a seed fixes the episode."""
         super().reset(seed=seed)
         with one_thread():
             self.simulation.reset(self._rest)
@@ -114,7 +114,7 @@ class SurfaceEnv(gymnasium.Env[np.ndarray, np.ndarray]):  # type: ignore[misc]
         return self._observation(), {"distance": self._distance()}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, Info]:
-        """Hold an action for a period; observation, reward, terminated, truncated, info."""
+        """Hold an action, shape (n_arms,), for a period; return observation, reward, terminated, truncated, info."""
         before, self._action = self._action, np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         end = self._start + (len(self._distances) + 1) * self._period
         self.drives.hold(self._action)

@@ -102,5 +102,5 @@ def compiled_fast(function: Function) -> Function:
 
 
 def records(table: np.ndarray) -> np.ndarray:
-    """Return a structured array whose fields kernels read as attributes, compiled or in plain Python."""
+    """Return a structured array of any shape whose fields kernels read as attributes, compiled or in plain Python."""
     return table if HAVE_NUMBA else table.view(np.recarray)

@@ -164,7 +164,10 @@ class Model:
         return q, u
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        """Write the prescribed coordinates and rates at a time [s] into q and u; nodes in holes stay where they are."""
+        """Write the prescribed coordinates and rates at a time [s] into q and u, shape (n_coordinates,).
+
+        Nodes in holes stay where they are.
+        """
         for term in self.prescribing:
             term.prescribe(time, q, u)
 
@@ -278,11 +281,11 @@ class Model:
         return np.concatenate([value[0] for value in values]), np.concatenate([value[1] for value in values])
 
     def potential_energy(self, time: float, q: np.ndarray) -> float:
-        """Return the elastic and gravitational energy [J]."""
+        """Return the elastic and gravitational energy [J] at q, shape (n_coordinates,)."""
         return sum(term.energy(time, q) for term in self.terms)
 
     def kinetic_energy(self, q: np.ndarray, u: np.ndarray) -> float:
-        """Return the kinetic energy of all nodes and links [J]."""
+        """Return the kinetic energy of all nodes and links [J] at q and u, shape (n_coordinates,)."""
         n = 3 * self.lattice.n_nodes
         total = 0.5 * float(np.repeat(self.node_mass, 3) @ u[:n] ** 2)
         if self.arms is not None:

@@ -26,6 +26,7 @@ class Rectangle:
     corners: tuple[float, float, float, float]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the signed excess over the outline [m], shape (n,), for points of shape (n, 2)."""
         x0, y0, x1, y1 = self.corners
         low, high = np.array([min(x0, x1), min(y0, y1)]), np.array([max(x0, x1), max(y0, y1)])
         # Largest excess over a side: exact inside, and of the right sign outside.
@@ -45,6 +46,7 @@ class Disc:
     radius: float
 
     def distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the signed distance to the outline [m], shape (n,), for points of shape (n, 2)."""
         return np.asarray(np.linalg.norm(points - np.array(self.centre), axis=1) - self.radius)
 
 
@@ -83,6 +85,7 @@ class Polygon:
         return (float(met[0, 0]), float(met[0, 1])) if len(met) else None
 
     def distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the signed distance to the outline [m], shape (n,), for points of shape (n, 2)."""
         begin = np.array(self.corners)
         end = np.roll(begin, -1, axis=0)
         nearest, crossings = np.full(len(points), np.inf), np.zeros(len(points), dtype=int)

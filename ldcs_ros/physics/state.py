@@ -37,5 +37,5 @@ class State:
 
     @property
     def joint_rate(self) -> np.ndarray:
-        """Time derivative of `joint_angle` [rad/s]."""
+        """Time derivative of `joint_angle` [rad/s], of the same shape."""
         return np.diff(self.link_rate, axis=1, prepend=0.0)

@@ -52,7 +52,7 @@ class RestStates:
         return stability(self._model, self.q, self._time, self.held(self.values))
 
     def go_to(self, values: np.ndarray) -> None:
-        """Move to the rest state under other values of the commands.
+        """Move to the rest state under other values of the commands, shape (n_commands,).
 
         Raises:
             DivergenceError: There is none near; nothing changed.

@@ -59,7 +59,7 @@ class ShapeTarget:
         return self._less_mean(z - self.height(x, y)[0])
 
     def residual(self, q: np.ndarray) -> np.ndarray:
-        """Return `error` times the root of each place's fraction of the weight: the norm is the RMS [m]."""
+        """Return `error` times the root of each place's fraction of the weight, shape (n,): the norm is the RMS [m]."""
         return self._root * self.error(q)
 
     def slope(self, q: np.ndarray, moves: np.ndarray) -> np.ndarray:

@@ -53,10 +53,11 @@ class RecordedCommand:
     cdr: bytes
 
     def command(self, simulation: Simulation) -> tuple[str, bytes]:
+        """Return topic and CDR message as recorded."""
         return self.topic, self.cdr
 
     def refused(self, reason: str) -> None:
-        pass
+        """Count nothing: the drive counts its own refusals."""
 
 
 @dataclass

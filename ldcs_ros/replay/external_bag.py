@@ -131,6 +131,7 @@ class MappedCommand:
     ambient_pressure: float
 
     def command(self, simulation: Simulation) -> tuple[str, bytes] | None:
+        """Return topic and CDR message of the converted command; None for a malformed message, which is counted."""
         try:
             return converted(
                 self.message,
@@ -147,6 +148,7 @@ class MappedCommand:
             return None
 
     def refused(self, reason: str) -> None:
+        """Count a refusal by its reason."""
         self.report.refused[reason] += 1
 
 

@@ -135,7 +135,11 @@ class Bridge:
         self.follow()
 
     def command(self, pressure: Sequence[float] | np.ndarray, heard: float | None = None) -> None:
-        """Take an operator's command [Pa], heard at a steady time [s]; raises BridgeError when it is refused."""
+        """Take an operator's command [Pa], shape (n_arms,), heard at a steady time [s].
+
+        Raises:
+            BridgeError: The command is refused.
+        """
         self.gate.command(pressure, heard)
 
     def arm(self) -> None:

@@ -70,7 +70,13 @@ class ChannelReport:
     problem: str = ""
 
     def count_gaps(self, times: np.ndarray, limit: float | None, start: int) -> None:
-        """Count silences in sorted times [ns]; `limit` [s], None for five usual periods; `start` of the recording."""
+        """Count silences in sorted times [ns], shape (n,).
+
+        Args:
+            times: Times of the messages.
+            limit: Longest time between messages that is no silence [s]; None for five usual periods.
+            start: Start of the recording [ns].
+        """
         # Probes of one topic may report at one time, or close together.
         distinct = np.unique(times)
         steps = np.diff(distinct) * 1e-9

@@ -108,7 +108,7 @@ GAP_PERIODS = 5.0
 def resample_common(
     a: Series, b: Series, offset: float, *, most: int | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return times on A's clock, both sides' values there, and the number of times in gaps.
+    """Return times on A's clock, shape (n,), both sides' values there, shape (n, k), and the number of times in gaps.
 
     The times are those of the noisier side, or else of the sparser one: noise is never interpolated if the
     other side is smooth.

@@ -43,13 +43,13 @@ class Track:
 
     @property
     def first(self) -> np.ndarray:
-        """The first value."""
+        """The first value, shape (k,)."""
         value: np.ndarray = self.value[0]
         return value
 
     @property
     def last(self) -> np.ndarray:
-        """The last value."""
+        """The last value, shape (k,)."""
         value: np.ndarray = self.value[-1]
         return value
 

@@ -31,7 +31,7 @@ def equilibrium(
     first_step: float = FIRST_STEP,
     system: LinearSystem | None = None,
 ) -> np.ndarray:
-    """Return the coordinates at which the forces of constant inputs balance.
+    """Return the coordinates [m, rad], shape (n_coordinates,), at which the forces of constant inputs balance.
 
     Pseudo-transient continuation (Kelley and Keyes 1998): dq = h^2 (M - h C - h^2 K)^-1 f, and h grows as the
     steps shrink. Far from the equilibrium it creeps like the damped sheet, and near it it is Newton's method. A
@@ -108,7 +108,7 @@ def find_equilibria(
 
     Args:
         model: The model.
-        q: Coordinates of the start [m, rad].
+        q: Coordinates of the start [m, rad], shape (n_coordinates,).
         time: Time of the prescribed coordinates [s].
         inputs: Commands, held.
         follow: Leave unstable equilibria along their direction; with one way only, the last one is stable.

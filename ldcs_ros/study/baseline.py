@@ -208,7 +208,7 @@ class ArcBaseline:
         return self.run_pushed(times, 1.0 / ERROR_TIMES[0], lambda time: 0.0)
 
     def run_pushed(self, times: tuple[float, ...], rate: float, push: Callable[[float], float]) -> np.ndarray:
-        """Return node positions at times [m] with a further load that is set again at a rate.
+        """Return node positions at times [m], shape (n_times, n_nodes, 3), with a further load that is set at a rate.
 
         Args:
             times: Times [s], after whole steps.

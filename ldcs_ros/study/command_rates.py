@@ -58,14 +58,14 @@ class Competition:
         return simulation
 
     def run(self, accuracy: float) -> tuple[np.ndarray, Simulation]:
-        """Return our positions at TIMES [m] with an accuracy [m], and the simulation."""
+        """Return our positions at TIMES [m], shape (n_times, n_nodes, 3), with an accuracy [m], and the simulation."""
         simulation = self.build(accuracy)
         if self.rate == SMOOTH:
             return positions(simulation, TIMES), simulation
         return sampled(simulation, self.profile, self.rate, TIMES), simulation
 
     def baseline(self, row: Row, known: np.ndarray) -> Row:
-        """Return the compiled loop's row: the longest of its steps that keeps the accuracy."""
+        """Return the compiled loop's row: its longest step that keeps the accuracy against what `run` gave."""
         from ldcs_ros.study.baseline import ArcBaseline
 
         radius = spectral_radius("arc", 9)
@@ -80,7 +80,7 @@ class Competition:
         return replace(row, failure=f"no step down to {BASELINE_STEPS[-1]:g} s keeps {ACCURACY:g} m")
 
     def scipy(self, row: Row, known: np.ndarray) -> Row:
-        """Return the row of SciPy's BDF: the first of its tolerances that keeps the accuracy."""
+        """Return the row of SciPy's BDF: its first tolerance that keeps the accuracy against what `run` gave."""
         for accuracy in BDF_ACCURACIES:
             simulation = self.build(accuracy)
             command = partial(self._command, simulation) if self.rate else None

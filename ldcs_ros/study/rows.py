@@ -67,7 +67,14 @@ class Row:
         return self.kind, self.scene, self.nodes, self.method, self.setting, f"{self.value:.6g}"
 
     def compared(self, positions: np.ndarray, known: np.ndarray, cpu: float, duration: float) -> Row:
-        """Return the row with the error of positions against known ones [m] and the CPU time of a duration [s]."""
+        """Return the row with the error of positions and the CPU time of a duration [s].
+
+        Args:
+            positions: Node positions [m], shape (n_times, n_nodes, 3).
+            known: The reference's, of the same shape.
+            cpu: CPU time of the whole duration [s].
+            duration: Simulated time [s].
+        """
         # Nodes in holes have no place.
         gap = np.abs(positions - known)[~np.isnan(known)]
         return replace(self, error=float(gap.max()), cpu=cpu / duration)

@@ -27,7 +27,9 @@ def solve(
     command: Callable[[int], float] | None = None,
     budget: float = math.inf,
 ) -> tuple[np.ndarray, Statistics]:
-    """Return node positions at times [m] and counts, by `solve_ivp` with the analytic sparse Jacobian.
+    """Return node positions at times [m], shape (n_times, n_nodes, 3), and counts, by `solve_ivp`.
+
+    The Jacobian is analytic and sparse.
 
     The solver restarts at each discontinuity of the drives and at each command. Of the scene's own schedule only the
     commands at t = 0 are applied.

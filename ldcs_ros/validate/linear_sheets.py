@@ -72,12 +72,12 @@ class LinearSheet:
         return moved.reshape(-1, 3)
 
     def energy(self, displacement: np.ndarray) -> float:
-        """Return the elastic energy of given displacements [J]."""
+        """Return the elastic energy of given displacements [J]; they have shape (n_nodes, 3) [m]."""
         moved = displacement.ravel()[self._free]
         return float(0.5 * moved @ (self._stiffness @ moved))
 
     def nodes(self, x: float | None = None, y: float | None = None) -> np.ndarray:
-        """Return the nodes on lines of the flat sheet [m], of both layers, that no hole cuts out."""
+        """Return the nodes on lines of the flat sheet [m], of both layers, that no hole cuts out, shape (n,)."""
         near = np.ones(len(self.place), dtype=bool)
         for axis, value in enumerate((x, y)):
             if value is not None:
@@ -100,7 +100,7 @@ class LinearSheet:
 
 
 def stretched(sheet: LinearSheet) -> np.ndarray:
-    """Return the displacement of a sheet [m] whose ends are pulled apart to a mean strain of 1 without its holes.
+    """Return the displacement [m], shape (n_nodes, 3), of a sheet pulled to a mean strain of 1 without its holes.
 
     The ends move freely across; only rigid motion is held.
     """

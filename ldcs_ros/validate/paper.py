@@ -36,7 +36,11 @@ def errors(displacement: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def grown(displacement: dict[str, np.ndarray]) -> list[str]:
-    """Return a line for each error whose size is more than `GROWTH` above the committed one."""
+    """Return a line for each error that is more than `GROWTH` above the committed one.
+
+    Args:
+        displacement: Displacement of each point [mm], shape (3,).
+    """
     lines = []
     for name, error in errors(displacement).items():
         for axis, now, before in zip(AXES, error, getattr(COMMITTED, name), strict=True):
@@ -48,5 +52,5 @@ def grown(displacement: dict[str, np.ndarray]) -> list[str]:
 
 
 def worst(displacement: dict[str, np.ndarray]) -> float:
-    """Return the largest error against the experiment [mm]."""
+    """Return the largest error against the experiment [mm]; displacements have shape (3,)."""
     return max(float(np.abs(error).max()) for error in errors(displacement).values())

@@ -29,7 +29,7 @@ def blueprint(
     Args:
         points: Named points that have a trace.
         plots: Path of each plot by its title.
-        size: Length, width and thickness of the sheet [m]; None for the paper's.
+        size: Length, width and thickness of the sheet [m], shape (3,); None for the paper's.
         play: 'playing', 'paused' or 'following' the newest data.
         frame: Show the viewer's own menu bar.
     """

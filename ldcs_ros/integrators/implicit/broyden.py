@@ -100,12 +100,12 @@ class BroydenUpdates:
 
     @property
     def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Copies of the updates, for `recall`."""
+        """Copies of the updates for `recall`: vectors, shape (count, n) twice, and squares, shape (count,)."""
         n = self.count
         return self.before[:n].copy(), self.after[:n].copy(), self.squares[:n].copy()
 
     def recall(self, memory: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Take back a `memory`."""
+        """Take back a `memory`, with its shapes."""
         self.count = len(memory[2])
         for target, source in zip((self.before, self.after, self.squares), memory, strict=True):
             target[: self.count] = source

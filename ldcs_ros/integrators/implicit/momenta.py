@@ -56,9 +56,9 @@ class Momenta:
         return np.asarray(momenta[0] / self._whole + np.cross(spin, place))
 
     def spinning(self, q: np.ndarray, momenta: np.ndarray) -> np.ndarray:
-        """Return the rates of the free coordinates [m/s] in the rotation with the angular one of given momenta."""
+        """Return the rates of the free coordinates [m/s], shape (n_free,), with the momenta's angular part."""
         return self.velocities(q, momenta * [[0.0], [1.0]]).ravel()
 
     def speed(self, q: np.ndarray, momenta: np.ndarray) -> float:
-        """Return the largest speed of a node [m/s] in the rigid motion with given momenta."""
+        """Return the largest speed of a node [m/s] in the rigid motion with given momenta, shape (2, 3)."""
         return float(np.linalg.norm(self.velocities(q, momenta), axis=1).max())

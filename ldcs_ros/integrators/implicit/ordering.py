@@ -22,6 +22,6 @@ def inverse_permutation(order: np.ndarray) -> np.ndarray:
 
 
 def lower_triangle(place: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row and the column of each entry, or of its mirror, in the lower triangle."""
+    """Return the row and the column of each entry, or of its mirror, in the lower triangle, shape (n_entries,)."""
     rows, columns = place[rows], place[columns]
     return np.maximum(rows, columns), np.minimum(rows, columns)

@@ -41,7 +41,7 @@ class StagePredictor:
     drift: np.ndarray | float = 0.0
 
     def jumped(self, time: float, a: np.ndarray) -> StagePredictor:
-        """Return the trail after a jump at a time to accelerations a."""
+        """Return the trail after a jump at a time to accelerations a, shape (n_free,)."""
         length = time - self.since
         before: tuple[Point, ...] = ()
         if len(self.points) < MOST_POINTS and abs(length - self.length) <= REGULAR * length:

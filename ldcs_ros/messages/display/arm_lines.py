@@ -55,7 +55,7 @@ class ArmLines:
         return drawn
 
     def specs(self, position: np.ndarray, link_angle: np.ndarray) -> list[MarkerSpec]:
-        """Return what is drawn for what `lines` takes."""
+        """Return what is drawn for what `lines` takes, with its shapes."""
         width = _WIDTH * self._thickness
         drawn = []
         for name, points in self.lines(position, link_angle).items():

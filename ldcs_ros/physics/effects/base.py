@@ -101,12 +101,12 @@ class Term:
         return NO_COORDINATES
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        """Write the prescribed coordinates and rates at a time into q and u."""
+        """Write the prescribed coordinates and rates at a time [s] into q and u, shape (n_coordinates,)."""
 
     def add_force(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, force: np.ndarray
     ) -> None:
-        """Add the effect's force [N, N m] to the flat vector `force`."""
+        """Add the effect's force [N, N m] to `force`; q, u and force have shape (n_coordinates,)."""
 
     def add_command_jump(
         self,
@@ -117,14 +117,20 @@ class Term:
         after: HeldCommands,
         force: np.ndarray,
     ) -> None:
-        """Add the jump of the effect's force at a change of commands; for effects that are `commanded`."""
+        """Add the jump of the effect's force at a change of commands; for effects that are `commanded`.
+
+        Shapes are those of `add_force`.
+        """
         jump = np.zeros_like(force)
         self.add_force(time, q, u, before, jump)
         force -= jump
         self.add_force(time, q, u, after, force)
 
     def energy(self, time: float, q: np.ndarray) -> float:
-        """Return the potential energy [J]; its gradient is minus the part of the force that depends on q alone."""
+        """Return the potential energy [J] at q, shape (n_coordinates,).
+
+        Its gradient is minus the part of the force that depends on q alone.
+        """
         return 0.0
 
     def jacobian_pattern(self) -> tuple[np.ndarray, np.ndarray]:
@@ -140,5 +146,8 @@ class Term:
     def corotated_jacobian(
         self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands, positive_definite: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return a symmetric Jacobian, for factors that rotate with the sheet; here that at zero velocity."""
+        """Return a symmetric Jacobian, for factors that rotate with the sheet; here that at zero velocity.
+
+        Shapes are those of `jacobian`.
+        """
         return self.jacobian(time, q, np.zeros_like(u), inputs, positive_definite)

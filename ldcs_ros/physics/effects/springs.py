@@ -144,7 +144,7 @@ class AxialTerm(SpringTerm):
         return np.concatenate([*own, between], axis=1)
 
     def add_corotated(self, q: np.ndarray, rate_step: float, slots: np.ndarray, matrix: np.ndarray) -> None:
-        """Add -h (C + h K) of `corotated_jacobian` to a matrix of the nodes, at the slots of `entries`."""
+        """Add -h (C + h K) of `corotated_jacobian` to a flat matrix of the nodes, at the slots of `entries`."""
         weight = rate_step * (self.c + rate_step * self.k)
         axial.add_stiffness(q, self.a, self.b, self.rest_length, self.rest_axis, weight, slots, matrix)
 

@@ -44,5 +44,5 @@ def is_covered(model: Model) -> bool:
 
 
 def spring_offsets(term: AxialTerm) -> np.ndarray:
-    """Return the differences of node numbers that springs join, in rising order."""
+    """Return the differences of node numbers that springs join, in rising order, shape (n_offsets,)."""
     return np.unique(term.b - term.a)

@@ -272,7 +272,7 @@ class Box(Region):
         return cls(corners.min(axis=0), corners.max(axis=0))
 
     def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return which segments meet it: whether the parts inside the three slabs have something in common."""
+        """Return which segments meet it, shape (n,): whether the parts inside the three slabs overlap."""
         way = end - begin
         with np.errstate(divide="ignore", invalid="ignore"):
             one, other = (self.low - begin) / way, (self.high - begin) / way
@@ -305,7 +305,7 @@ class Sphere(Region):
         return cls(centre, float(second[0]))
 
     def intersects(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Return which segments meet it: whether their nearest points are inside."""
+        """Return which segments meet it, shape (n,): whether their nearest points are inside."""
         way = end - begin
         length = np.sum(way**2, axis=1)
         along = np.sum((self.centre - begin) * way, axis=1) / np.where(length > 0.0, length, 1.0)

@@ -31,7 +31,7 @@ class Power:
 
 
 def power(model: Model, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> Power:
-    """Return the power of inputs and dampers at coordinates q and rates u.
+    """Return the power of inputs and dampers at coordinates q and rates u, shape (n_coordinates,).
 
     The stored energy counts the kinetic energy of free coordinates only, so what moves a prescribed one delivers
     minus the force on it times its rate. The arms' force contains terms of the second order in the rates

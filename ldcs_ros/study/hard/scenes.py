@@ -129,6 +129,7 @@ def rolled_up(lattice: Lattice) -> np.ndarray:
     )
 
 
+# Each returns node positions [m], shape (n_nodes, 3).
 STARTS: dict[str, Callable[[Lattice], np.ndarray]] = {
     start.__name__: start
     for start in (
