@@ -103,4 +103,5 @@ def compiled_fast(function: Function) -> Function:
 
 def records(table: np.ndarray) -> np.ndarray:
     """Return a structured array of any shape whose fields kernels read as attributes, compiled or in plain Python."""
-    return table if HAVE_NUMBA else table.view(np.recarray)
+    compiles = HAVE_NUMBA and not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # set at import
+    return table if compiles else table.view(np.recarray)

@@ -291,7 +291,7 @@ def _solve(values, firsts, owns, offsets, border_starts, borders, widest, x):  #
             b1 = values[side + (j + 1) * n : side + (j + 2) * n]
             b2 = values[side + (j + 2) * n : side + (j + 3) * n]
             b3 = values[side + (j + 3) * n : side + (j + 4) * n]
-            s0 = s1 = s2 = s3 = values[side] * 0
+            s0 = s1 = s2 = s3 = values[corner] * 0
             for i in range(n):
                 t = tied[i]
                 s0 += b0[i] * t
