@@ -110,3 +110,25 @@ def test_our_own_names_need_no_file_and_a_bridges_report_of_its_rig_is_not_the_m
         "left/pressure": ("/a/left/pressure", ""),
     }
     assert not mapping.commands, "of another type"
+
+
+def test_topics_in_a_namespace_are_commands_and_other_types_of_a_name_are_no_pressures():
+    mapping = guess_mapping(
+        Bag(
+            **{
+                "/rig/pressure_command": "std_msgs/msg/Float64MultiArray",
+                "/rig/left/pressure": "geometry_msgs/msg/Vector3Stamped",
+            }
+        )
+    )
+    assert [source.topic for source in mapping.commands] == ["/rig/pressure_command"]
+    assert not mapping.measurements
+
+
+def test_a_table_begins_at_rest_under_its_first_row_and_a_bag_without_commands():
+    measurement = {"to": "P1.x", "columns": ["x"]}
+    table = parse_mapping({"time": {"column": "t"}, "measurements": [measurement]})
+    assert table.initial == "held"
+    assert parse_mapping({"measurements": [{"to": "P1", "topic": "/p"}]}).initial == "rest"
+    with pytest.raises(MappingError, match="expected a point such as P0"):
+        parse_mapping({"measurements": [{"to": "P1/x", "topic": "/p"}]})

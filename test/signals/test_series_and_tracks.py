@@ -19,6 +19,7 @@ from ldcs_ros.signals.series import (
     Series,
     at_times,
     clean,
+    covered,
     curve,
     reference_is_first,
     resample_common,
@@ -379,3 +380,27 @@ def test_a_run_without_clouds_has_no_node_positions(tmp_path):
     pressures = [("/left/pressure", k * MS, rig_bag.fluid(k * MS, 1.5e5)) for k in range(1, 4)]
     run = run_of(read_bag(rig_bag.write(tmp_path / "bag", pressures)), None)
     assert run.node_time.shape == (0,) and run.nodes.shape == (0, 2, 0, 0, 3)
+
+
+def test_a_single_value_holds_at_its_own_time_and_past_the_last_value_no_silence_is_known():
+    alone = curve(np.array([2.0]), np.array([[5.0]]), smooth=False)
+    assert alone(np.array([1.0, 2.0, 3.0])).ravel().tolist() == [5.0, 5.0, 5.0]
+    assert covered(np.array([0.0, 0.1, 0.2]), np.array([-1.0, 0.15, 0.3])).tolist() == [True, True, True]
+
+
+def test_joints_of_a_twin_are_smooth_and_its_commands_hold_until_the_next_one(tmp_path):
+    messages = [("/joint_states", k * 10 * MS, joints(k * 10 * MS, k)) for k in range(1, 6)]
+    messages += [("/truth/P1/pose", k * 10 * MS, pose(k * 10 * MS, [0.1 * k, 0.0, 0.0])) for k in (1, 2, 3)]
+    messages += [
+        ("/pressure_command", 20 * MS, rig_bag.array([10e3, 20e3])),
+        ("/pressure_command", 40 * MS, rig_bag.array([30e3, 0.0])),
+    ]
+    recording = read_bag(rig_bag.write(tmp_path / "bag", messages))
+    found = read_signals(recording, name="run", mapping=None, measured=False)
+    joint = [series for name, series in found.series.items() if name.startswith("joint/")]
+    assert joint and all(series.smooth and series.unit == "rad" for series in joint)
+    run = run_of(recording, None)
+    commands = [values for name, values in run.channels.items() if name.startswith("pressure_command.")]
+    # Times count from the first message, at 10 ms.
+    expected = np.where(run.time < 0.0299, 10e3, 30e3)
+    np.testing.assert_allclose(commands[0][run.time > 0.0099], expected[run.time > 0.0099])

@@ -137,3 +137,19 @@ def test_the_start_of_a_simulation_is_a_time_of_its_own():
     recorded = [k * 20 * MS for k in range(10)]
     times = found(recorded, recorded)
     assert times.usable.all() and times.time.tolist() == recorded
+
+
+@pytest.mark.parametrize("before", [2, 3, 4])
+def test_a_clock_that_is_set_after_three_messages_or_more_shows_a_step(before):
+    recorded = logs(150, 10 * MS)
+    stamps = [time - 2 * MS - (60 * SECOND if k < before else 0) for k, time in enumerate(recorded)]
+    times = found(stamps, recorded)
+    assert len(times.clock_steps) == (1 if before >= 3 else 0)
+
+
+def test_one_long_period_of_three_is_the_usual_one():
+    report = ChannelReport("/topic")
+    report.count_gaps(np.array([0, 1, 2, 102]) * SECOND, None, 0)
+    assert report.silences == () and report.longest_gap == pytest.approx(100.0)
+    report.count_gaps(np.array([0, 1, 2, 3, 103]) * SECOND, None, 0)
+    assert report.silences == ((3.0, 100.0),)

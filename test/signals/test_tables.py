@@ -222,3 +222,17 @@ def test_wrong_words_are_refused_with_their_place(words, expected):
 def test_a_bag_and_the_mapping_of_a_table_do_not_go_together():
     with pytest.raises(MappingError, match="the mapping is for a table"):
         open_recording("bags/paper", columns_mapping(["time=t", "pressure_command=p"]))
+
+
+def test_three_coordinates_of_a_point_are_one_channel_and_two_are_two(tmp_path):
+    whole = tmp_path / "whole.csv"
+    whole.write_text("time,P1.x,P1.y,P1.z\n0,1,2,3\n1,4,5,6\n")
+    recording, mapping = open_recording(whole, None)
+    found = read_signals(recording, name="whole", mapping=mapping, measured=True).series
+    assert set(found) == {"P1"}
+    np.testing.assert_allclose(found["P1"].value, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    part = tmp_path / "part.csv"
+    part.write_text("time,P1.x,P1.z\n0,1,3\n1,4,6\n")
+    recording, mapping = open_recording(part, None)
+    found = read_signals(recording, name="part", mapping=mapping, measured=True).series
+    assert set(found) == {"P1.x", "P1.z"}

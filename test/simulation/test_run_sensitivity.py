@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators.esdirk43 import Esdirk43
 from ldcs_ros.schema.paths import get_value
+from ldcs_ros.simulation.run_parameters import StartColumns, start_modes
 from ldcs_ros.simulation.run_sensitivity import TangentRun
 
 # It turns with the sheet, and so does its derivative.
@@ -172,3 +174,19 @@ def test_a_push_of_a_resting_sheet_is_resolved():
 def test_what_cannot_be_differentiated_is_refused(to, times, words):
     with pytest.raises(ValueError, match=words):
         load_scene(CONTENT).build().run_sensitivity(times, ["P1"], [to])
+
+
+def test_natural_modes_of_a_start_move_their_farthest_coordinate_by_a_metre():
+    simulation = load_scene(small_sheet(nodes=(3, 3), arms={"links": 2})).build()
+    at = simulation.operating_point()
+    n = len(at.model.free)
+    shapes = start_modes(at, 4)
+    np.testing.assert_allclose(np.abs(shapes[: at.model.n_free_nodes]).max(axis=0), 1.0)
+    names = ["start.position.mode_2", f"start.velocity.mode_{n}"]
+    start = StartColumns(at, names)
+    assert start.units == ("m", "m/s")
+    np.testing.assert_allclose(start.q[:, 0], shapes[:, 1], atol=1e-6)
+    assert start.u[:, 1].any() and not start.q[:, 1].any()
+    for name in ("start.velocity.mode_0", f"start.velocity.mode_{n + 1}"):
+        with pytest.raises(ValueError, match=f"mode_1 to mode_{n}"):
+            StartColumns(at, [name])

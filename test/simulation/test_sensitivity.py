@@ -25,6 +25,14 @@ NUMBERS = {
     "points.P1.x": 1e-6,
 }
 
+UNITS = {
+    "effects.payload.mass": "kg",
+    "effects.arms.joint_stiffness": "N m/rad",
+    "effects.springs.stiffness": "N/m",
+    "lattice.mass": "",
+    "points.P1.x": "",
+}
+
 
 def resting_places(changes=None, pressures=(100e3, 100e3), push=0.0):
     simulation = load_scene(CONTENT).edited(changes or {}).build()
@@ -62,7 +70,9 @@ def test_numbers_of_the_scene_have_the_slopes_of_central_differences(settled, pa
     from ldcs_ros.schema.paths import get_number
 
     value = get_number(content, path)
-    found = settled.sensitivity(of=["P0", "P1"], to=[path]).values[:, 0]
+    sensitivity = settled.sensitivity(of=["P0", "P1"], to=[path])
+    assert sensitivity.units == (UNITS[path],)
+    found = sensitivity.values[:, 0]
     ahead, before = (resting_places({path: value + sign * step}) for sign in (1.0, -1.0))
     slope = (ahead - before) / (2 * step)
     np.testing.assert_allclose(found, slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())

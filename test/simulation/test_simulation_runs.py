@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import CommandError, DivergenceError, SceneError
@@ -223,3 +224,56 @@ def test_energy_only_leaves_through_dashpots(integrator):
     # Rises by less than the work of a weight of 1.6 N over the asked accuracy.
     assert np.diff(totals).max() < 1.6 * 1e-6
     assert totals[-1] < totals[0]
+
+
+def test_nodes_in_holes_have_no_place():
+    content = small_sheet(nodes=(5, 5))
+    content["lattice"]["holes"] = [{"circle": [0.07, 0.0, 0.01]}]
+    simulation = load_scene(content).build()
+    missing = simulation.lattice.missing
+    assert len(missing) == 2
+    expected = np.zeros(simulation.lattice.n_nodes, dtype=bool)
+    expected[missing] = True
+    for values in (simulation.state.position, simulation.state.velocity):
+        np.testing.assert_array_equal(np.isnan(values).any(axis=1), expected)
+
+
+def test_a_valve_without_dead_time_has_its_target_at_once():
+    simulation = load_scene(small_sheet()).build()
+    simulation.inputs.set_pressure([10e3, 20e3])
+    assert [chamber.target for chamber in simulation.inputs.held().chambers] == [10e3, 20e3]
+
+
+@pytest.mark.parametrize(("quantity", "unit"), [("force", "N"), ("torque", "N m")])
+def test_a_wrench_of_wrong_size_is_refused_with_its_unit(quantity, unit):
+    simulation = load_scene(small_sheet({"type": "wrench"})).build()
+    with pytest.raises(CommandError) as refused:
+        simulation.inputs.set_wrench("P1", **{quantity: (0.1, 0.2)})
+    assert str(refused.value).endswith(f"[{unit}]")
+
+
+class EveryStep:
+    def __init__(self):
+        self.seen, self.taken = [], []
+
+    def longest_step(self, step, held):
+        self.seen.append(step)
+        return step.right.time - step.left.time
+
+    def take(self, step):
+        assert step is self.seen[-1]
+        self.taken.append((step.left.time, step.right.time))
+
+
+def test_a_follower_sees_every_step_while_commands_come_at_a_rate():
+    follower, simulation = EveryStep(), load_scene(small_sheet(nodes=(3, 3))).build()
+    simulation.follow(follower)
+    for k in range(10):
+        simulation.advance_to(2e-3 * k)
+        simulation.inputs.set_pressure(1e3 * k)
+    simulation.advance_to(0.02)
+    assert not simulation.follows_commands
+    starts, ends = np.array(follower.taken).T
+    assert starts[0] == 0.0 and ends[-1] >= 0.02
+    # A command inside a step cuts it; none is left out.
+    assert (starts[1:] <= ends[:-1]).all() and (np.diff(starts) > 0.0).all()
