@@ -379,8 +379,9 @@ def test_rows_of_steps_satisfy_the_formula_and_carry_its_error(monkeypatch, driv
     assert (off[:, 6].max() > 0.02) == (drive == "torque")
 
 
-def test_a_step_on_a_manifold_leaves_no_projected_residual():
-    simulation = sheet(DRAG, nodes=(3, 3))
+@pytest.mark.parametrize("links", [1, 2])
+def test_a_step_on_a_manifold_leaves_no_projected_residual(links):
+    simulation = sheet(DRAG, nodes=(3, 3), arms={**ARMS, "links": links})
     simulation.inputs.set_torque([0.05, 0.02])
     model, held, h = simulation.model, simulation.inputs.held(), 2e-3
     mean, still = model.reference_state()

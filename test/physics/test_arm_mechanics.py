@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.errors import SceneError
@@ -153,3 +154,30 @@ def test_weight_and_coriolis_forces_of_a_fast_chain_have_their_exact_slopes():
             vector[k] = before
             np.testing.assert_allclose(dense[-6:, k], (ends[1] - ends[0]) / (2.0 * h), rtol=1e-5, atol=1e-8)
     assert np.abs(by_angle[-6:, -6:]).max() > 0.01 and np.abs(by_rate[-6:, -6:]).max() > 1e-4
+
+
+def test_an_arm_is_as_wide_as_the_sheets_rows_at_most():
+    def built(width, **arms):
+        return load_scene(small_sheet(nodes=(5, 3), arms={"links": 2, "width": width, **arms})).build()
+
+    assert built(2).model.arms is not None
+    with pytest.raises(ValueError, match=r"got 3, expected 0 \.\.\. 2, the sheet has 3 rows"):
+        built(3)
+    listed = [{"name": "middle", "from": [0.0, 0.0], "to": [0.14, 0.0]}]
+    with pytest.raises(ValueError, match=r"got 5, expected 0 \.\.\. 4"):
+        built(5, arms=listed)
+
+
+def test_a_sheet_is_loose_where_nothing_holds_a_node():
+    content = small_sheet(nodes=(5, 5))
+    for kept, holes, loose in (
+        (("springs",), [], True),
+        (("springs",), [{"circle": [0.07, 0.0, 0.01]}], True),
+        (("springs", "clamp"), [], False),
+        (("springs", "clamp", "arms"), [], False),
+    ):
+        effects = [effect for effect in content["effects"] if effect["type"] in kept]
+        lattice = {**content["lattice"], "holes": holes}
+        points = {"P1": content["points"]["P1"]}
+        scene = load_scene({"lattice": lattice, "points": points, "effects": effects})
+        assert scene.build().model.is_unconstrained == loose

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ldcs_ros.physics import axial
+from ldcs_ros.physics.axial import add_stiffness
 from ldcs_ros.physics.inputs import NO_INPUTS
 from ldcs_ros.physics.rotation import best_rotation
 
@@ -100,3 +101,22 @@ def test_the_best_rotation_of_a_mirrored_set_is_proper():
         u, _, vt = np.linalg.svd(m)
         best = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
         assert np.trace(rotation.T @ m) == pytest.approx(np.trace(best.T @ m))
+
+
+def test_a_stiffness_goes_to_the_slots_of_its_blocks_and_nowhere_else():
+    random = np.random.default_rng(2)
+    q, weight = random.normal(size=9), np.array([2.0, 3.0])
+    a, b = np.array([0, 1]), np.array([1, 2])
+    q[6:] = q[3:6]  # the second spring has lost its length: it keeps the axis at rest
+    rest_axis = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, 0.8]])
+    slots, matrix = np.arange(42)[::-1].reshape(2, 21).copy(), np.zeros(42)
+    slots[0, 4] = slots[1, 13] = -1  # entries that the matrix has not
+    first = (q[3:6] - q[:3]) / np.linalg.norm(q[3:6] - q[:3])
+    add_stiffness(q, a, b, np.ones(2), rest_axis, weight, slots, matrix)
+    lower = np.tril_indices(3)
+    for s, n in enumerate((first, rest_axis[1])):
+        block = weight[s] * np.outer(n, n)
+        values = np.concatenate([block[lower], block[lower], -block.ravel()])
+        kept = slots[s] >= 0
+        np.testing.assert_allclose(matrix[slots[s][kept]], values[kept], atol=1e-15)
+    assert matrix[41 - 4] == 0.0 and matrix[41 - 21 - 13] == 0.0

@@ -21,3 +21,18 @@ def test_a_disturbed_recording_counts_the_messages_of_its_rest(tmp_path):
     recorder.close()
     assert "disturbed" in recorder.error and recorder.folder != tmp_path / "bag"
     assert recorder.count == read_bag(recorder.folder).count > 0
+
+
+def test_bags_are_named_by_scene_and_reset_and_hold_names_in_the_namespace(tmp_path):
+    twin = Twin(load_scene("single_spring"), RunSettings(publish_clock=True, publish_tf=True))
+    recorder = Recorder(tmp_path / "bag", twin, namespace="/lab")
+    twin.sinks.append(recorder)
+    twin.advance_to(0.02)
+    folders = [recorder.folder.name]
+    for change in (recorder.start_next, lambda: recorder.change_twin(twin), recorder.start_next):
+        change()
+        folders.append(recorder.folder.name)
+    recorder.close()
+    assert folders == ["bag", "bag_reset1", "bag_scene1", "bag_scene1_reset1"]
+    topics = set(read_bag(tmp_path / "bag").topics)
+    assert {"/lab/nodes", "/tf"} <= topics and "/lab//tf" not in topics

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fake_scene import RailScene
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.messages.cdr import decode
@@ -148,3 +149,33 @@ def test_the_robot_of_the_arms_is_described_where_there_are_arms(run, with_arms)
     twin, collected = run(load_scene({**SMALL, "effects": [*SMALL["effects"], *arms]}), publish_tf=True)
     twin.advance_to(0.02)
     assert len(collected.on("robot_description")) == (1 if with_arms else 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("seed", str(2**64 - 1), str(2**64)),
+        ("seed", "0", str(2**64 + 1)),
+        ("accuracy", "1e-12", "0.0"),
+        ("ambient_pressure", "0.5", "-1.0"),
+    ],
+)
+def test_settings_of_a_bag_have_bounds(name, good, bad):
+    assert float(getattr(RunSettings.from_metadata({name: good}), name)) == float(good)
+    with pytest.raises(ValueError, match="got"):
+        RunSettings.from_metadata({name: bad})
+
+
+@pytest.mark.parametrize("link_frames", [True, False])
+def test_links_have_frames_where_they_are_asked_for(run, link_frames):
+    twin, collected = run(load_scene(small_sheet(nodes=(3, 3))), publish_tf=True, link_frames=link_frames)
+    twin.advance_to(0.0)
+    frames = [one.child_frame_id for one in last(collected, "/tf").transforms]
+    assert frames[:2] == ["P0", "P1"] and (len(frames) > 2) == link_frames
+
+
+@pytest.mark.parametrize(("asked", "of_the_scene"), [(True, False), (False, True), (False, False)])
+def test_a_run_is_verified_where_its_settings_or_its_scene_ask(run, asked, of_the_scene):
+    scene = load_scene({**SMALL, "solver": {"accuracy": 1e-4, "verify": of_the_scene}})
+    twin, _ = run(scene, verify=asked)
+    assert twin.settings.verify == (asked or of_the_scene)

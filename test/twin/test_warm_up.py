@@ -6,11 +6,13 @@ import subprocess
 import sys
 
 import pytest
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene, shipped_scenes
 from ldcs_ros.physics.compiled import HAVE_NUMBA
 from ldcs_ros.twin.warm_up import warm_up
 
+BARE = [{"type": "springs"}, {"type": "clamp"}]
 KERNEL = "ldcs_ros.integrators.implicit.command_kernel"
 CODE = f"""
 import sys
@@ -37,3 +39,7 @@ def test_the_kernel_of_commands_is_there_before_the_clock_runs(scene, how, kerne
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_every_shipped_scene_can_be_warmed_up(name):
     warm_up(load_scene(name), commanded=True)
+
+
+def test_a_scene_that_takes_no_command_is_warmed_up_without_one():
+    warm_up(load_scene({**small_sheet(nodes=(2, 2)), "effects": BARE, "sensors": {}}), commanded=True)

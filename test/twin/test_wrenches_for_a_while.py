@@ -44,7 +44,7 @@ def test_a_ramps_stairs_have_its_impulse(duration, ramp):
 
 def test_without_a_duration_it_is_held_until_it_is_replaced(run):
     twin, collected = run()
-    twin.apply_wrench(**PUSH, duration=0.0, ramp=0.02)
+    assert twin.apply_wrench(**PUSH, duration=0.0, ramp=0.02).endswith("until it is replaced")
     twin.advance_to(2.0)
     assert [force for _, _, force in held(collected)] == [0.5, 1.5, 2.0]
     twin.apply_wrench(**{**PUSH, "force": NOTHING}, duration=0.0, ramp=0.0)
