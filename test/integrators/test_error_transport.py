@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
+from ldcs_ros.integrators.implicit.error_kernels import INNER
+from ldcs_ros.integrators.implicit.error_transport import _tableau
 
 LATTICE = {"size": [0.14, 0.14, 0.007], "mass": 0.1}
 
@@ -121,3 +123,13 @@ def test_a_stiff_moment_is_left_to_the_stages() -> None:
     }
     real, estimate = _real_and_estimated(content, 1e-3, 0.02, (4.0, 5.6, 1.5))
     assert real <= estimate <= 1e-3
+
+
+@pytest.mark.parametrize("diagonal", [0.2, 0.25, 0.5])
+def test_the_stages_of_an_error_are_stiffly_accurate_and_of_second_order(diagonal):
+    a, c, moment = _tableau(diagonal)
+    np.testing.assert_array_equal(a, np.tril(a))
+    np.testing.assert_allclose(np.diag(a), diagonal)
+    np.testing.assert_allclose(c, [diagonal, INNER[1], 1.0])
+    assert a[2].sum() == pytest.approx(1.0) and a[2] @ c == pytest.approx(0.5)
+    assert moment == pytest.approx(a[2] @ a @ c)

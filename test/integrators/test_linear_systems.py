@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
+from small_sheet import small_sheet
 
 from ldcs_ros import load_scene
 from ldcs_ros.integrators.implicit.system import LinearSystem
@@ -38,3 +39,16 @@ def test_an_indefinite_matrix_falls_back_to_its_stable_part():
     factors = LinearSystem(model).factor(0.0, q, u, simulation.inputs.held(), 10.0)
     right = np.ones(len(model.free))
     assert right @ factors.solve(right) > 0.0
+
+
+def test_many_right_sides_are_solved_in_single_precision_and_none_is_divided_by_zero():
+    simulation = load_scene(small_sheet(nodes=(4, 3), arms={"links": 2})).build()
+    model, held = simulation.model, simulation.inputs.held()
+    factors = LinearSystem(model).factor(0.0, *model.reference_state(), held, 0.01)
+    right = np.random.default_rng(0).normal(size=(len(model.free), 8))
+    right[:, 3] = 0.0
+    right[:, 4] *= 1e30
+    expected = factors.solve(right)
+    found = factors.solve(right, single=True)
+    largest = np.abs(expected).max(axis=0)
+    assert (np.abs(found - expected).max(axis=0) <= 1e-4 * largest).all() and not found[:, 3].any()

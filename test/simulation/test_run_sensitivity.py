@@ -182,11 +182,29 @@ def test_natural_modes_of_a_start_move_their_farthest_coordinate_by_a_metre():
     n = len(at.model.free)
     shapes = start_modes(at, 4)
     np.testing.assert_allclose(np.abs(shapes[: at.model.n_free_nodes]).max(axis=0), 1.0)
-    names = ["start.position.mode_2", f"start.velocity.mode_{n}"]
+    names = ["start.position.mode_2", f"start.velocity.mode_{n}", "start.position.mode_1"]
     start = StartColumns(at, names)
-    assert start.units == ("m", "m/s")
-    np.testing.assert_allclose(start.q[:, 0], shapes[:, 1], atol=1e-6)
+    assert start.units == ("m", "m/s", "m")
+    np.testing.assert_allclose(start.q[:, [0, 2]], shapes[:, [1, 0]], atol=1e-6)
     assert start.u[:, 1].any() and not start.q[:, 1].any()
     for name in ("start.velocity.mode_0", f"start.velocity.mode_{n + 1}"):
         with pytest.raises(ValueError, match=f"mode_1 to mode_{n}"):
             StartColumns(at, [name])
+
+
+@pytest.mark.parametrize("drive", ["pressure", "torque"])
+def test_a_scheduled_number_has_the_tangent_of_its_command(drive):
+    size = {"pressure": 50e3, "torque": 0.02}[drive]
+    inputs = [{"time": 0.0, drive: size}, {"time": 0.01, drive: [0.5 * size, 1.5 * size]}]
+    content = small_sheet(
+        nodes=(3, 3), arms={"links": 2, "drive": drive}, inputs=inputs, solver={"accuracy": 1e-4}
+    )
+    numbers = [f"inputs[1].{drive}[0]", f"inputs[0].{drive}"]
+    commands = [f"{drive}.{arm}@{time}" for arm, time in (("left", 0.01), ("left", 0), ("right", 0))]
+    run = load_scene(content).build().run_sensitivity([0.03], ["P1"], [*numbers, *commands], with_error=False)
+    by_name = {name: run.values[0, :, k] for k, name in enumerate(run.to)}
+    for number, same in ((numbers[0], ["left@0.01"]), (numbers[1], ["left@0", "right@0"])):
+        expected = sum(by_name[f"{drive}.{one}"] for one in same)
+        # Their equations are solved to a fraction of the asked accuracy.
+        assert np.abs(by_name[number] - expected).max() < 1e-3 * np.abs(expected).max()
+        assert np.abs(expected).max() > 0.0

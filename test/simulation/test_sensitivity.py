@@ -216,3 +216,22 @@ def test_a_wrench_that_turns_with_the_sheet_counts_in_the_derivatives(frame, wre
         places(0.04, 100e3).sensitivity(of=["P1"], to=["pressure.left", "pressure.right"]).values.sum(axis=1)
     )
     np.testing.assert_allclose(both, difference(0.0, 50.0) / 50.0, rtol=2e-5, atol=1e-12)
+
+
+def test_the_linear_model_of_a_motion_has_the_slopes_of_its_accelerations():
+    content = small_sheet(nodes=(3, 3), arms={"links": 2, "drive": "torque", "link_mass": 0.05})
+    simulation = load_scene({**content, "inputs": [{"time": 0.0, "torque": [0.1, -0.05]}]}).build()
+    simulation.advance_to(0.02)
+    linear, model, motion = simulation.linearize(modes=1), simulation.model, simulation.motion()
+    n, held, random = len(model.free), simulation.inputs.held(), np.random.default_rng(0)
+    for _ in range(3):
+        way, rates = random.normal(size=(2, n))
+        ends = []
+        for sign in (1e-6, -1e-6):
+            q, u = motion.q.copy(), motion.u.copy()
+            q[model.free] += sign * way
+            u[model.free] += sign * rates
+            ends.append(model.accelerate(motion.time, q, u, held))
+        slope = (ends[0] - ends[1]) / 2e-6
+        found = linear.A[n:] @ np.concatenate([way, rates])
+        assert np.abs(found - slope).max() < 1e-5 * np.abs(slope).max()
