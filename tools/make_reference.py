@@ -73,8 +73,8 @@ SCENE_KEYS = {
     "number, one for each arm, or one for each joint), `pressure` Pa (a number, or one for each arm), or "
     "`wrench: {frame, force: N, torque: N m}`",
     "sensors": "measurements; a scene without them computes none",
-    "solver": "`{integrator: auto, accuracy: m, verify: false}`, 1e-10 ... 1e-2; or `{integrator: NAME, dt: s}` for a "
-    "fixed step",
+    "solver": "`{integrator: auto, accuracy: m, verify: false, commands: auto}`, 1e-10 ... 1e-2; or "
+    "`{integrator: NAME, dt: s}` for a fixed step",
 }
 
 

@@ -8,6 +8,8 @@ from ldcs_ros.errors import SceneError
 from ldcs_ros.integrators import INTEGRATORS
 from ldcs_ros.schema.fields import check_field, choice, did_you_mean, quantity, shown
 
+COMMANDS = ("auto", "held")
+
 
 @dataclass(frozen=True)
 class Solver:
@@ -18,6 +20,8 @@ class Solver:
         accuracy: Largest node position error asked for [m]; None with a fixed step.
         dt: Fixed step [s]; None with adaptive steps.
         verify: A second solution at a tenth of the accuracy measures the error of a run.
+        commands: 'auto' lets a smooth drive stand in for commands that are known beforehand, where its estimated
+            difference is a small fraction of the accuracy; 'held' holds every command.
 
     Raises:
         SceneError: A value is out of bounds, or an accuracy and a fixed step exclude each other.
@@ -27,6 +31,7 @@ class Solver:
     accuracy: float | None = quantity(1.0e-5, "m", "largest node position error", low=1e-10, high=1e-2)
     dt: float | None = quantity(None, "s", "fixed step of a named integrator", low=1e-9, high=1.0)
     verify: bool = False
+    commands: str = choice("auto", COMMANDS, "known commands: smooth where the accuracy allows it, or held")
 
     def __post_init__(self) -> None:
         names = ("auto", *INTEGRATORS)
@@ -41,6 +46,10 @@ class Solver:
         if self.dt is not None and (self.accuracy is not None or self.integrator == "auto"):
             raise SceneError(
                 "a fixed dt goes with a named integrator and without accuracy; drop one of them @ solver.dt"
+            )
+        if self.commands not in COMMANDS:
+            raise SceneError(
+                f"got {shown(self.commands)}, expected one of {list(COMMANDS)} @ solver.commands"
             )
         if not isinstance(self.verify, bool):
             raise SceneError(f"got {shown(self.verify)}, expected true or false @ solver.verify")

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    # Loaded where commands are known beforehand.
+    from ldcs_ros.physics.drive_curve import DriveCurve
 
 
 @dataclass(frozen=True)
@@ -61,11 +66,13 @@ class HeldCommands:
             driven.
         chambers: Pressure in each arm's chamber; empty unless the arms are pressure-driven.
         wrenches: Wrench by frame name.
+        curve: Drive torques that act instead of torque or chambers, where commands are known beforehand; or None.
     """
 
     torque: np.ndarray | None = None
     chambers: tuple[ChamberPressure, ...] = ()
     wrenches: dict[str, Wrench] = field(default_factory=dict)
+    curve: DriveCurve | None = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ldcs_ros.bags import Recording, read_bag
 from ldcs_ros.errors import DivergenceError, SceneError
+from ldcs_ros.replay.announced import announced_commands
 from ldcs_ros.replay.drive import Outcome, TimedCommand, drive
 from ldcs_ros.replay.external_bag import begun_scene, check_arms, mapped_commands
 from ldcs_ros.replay.own_bag import RecordedRun, recorded_run, timeline
@@ -137,6 +138,9 @@ def _replay_own(
     end, last = recorded.end, recorded.last
     if changes.duration is not None:
         end, last = round((start + changes.duration) * 1e9), None
+    if settings.known_commands == "all":
+        known = [command for command in recorded.commands if command.time <= end]
+        twin.simulation.announce(announced_commands(twin.scene, known, start=start))
     recorder = Recorder(
         folder, twin, namespace=run.namespace, custom_data={"replay_of": Path(recording.name).name}
     )
@@ -171,6 +175,7 @@ def _replay_foreign(
         accuracy=changes.accuracy,
         ambient_pressure=mapping.ambient_pressure,
         settled=mapping.initial != "start",
+        known_commands="all",
     )
     twin = Twin(begun_scene(scene, mapping, commands), settings)
     check_arms(mapping, twin.simulation.arm_names)
@@ -178,6 +183,9 @@ def _replay_foreign(
     # A scene may come to rest only later: the bag begins at that time.
     commands = [replace(command, time=command.time + start) for command in commands]
     end = start + (recording.end - origin if changes.duration is None else round(changes.duration * 1e9))
+    # A bag holds the commands that were given: its own replay knows no more of them. Counted again when they act.
+    known = [replace(one, report=ChannelReport(one.report.topic)) for one in commands if one.time <= end]
+    twin.simulation.announce(announced_commands(twin.scene, known, start=twin.time))
     said = {"replay_of": Path(recording.name).name, "log_time_of_start": str(origin - start)}
     recorder = Recorder(folder, twin, custom_data=said)
     outcome = _run(twin, commands, recorder, end=end, last=None, progress=progress, stop=stop)

@@ -110,8 +110,12 @@ class Scene:
 
     def with_accuracy(self, accuracy: float) -> Scene:
         """Return the same scene with adaptive steps of the same method at another accuracy [m]."""
-        solver = {"integrator": self.solver.integrator, "accuracy": accuracy}
-        return self.edited(solver=solver | ({"verify": True} if self.solver.verify else {}))
+        solver: dict[str, object] = {"integrator": self.solver.integrator, "accuracy": accuracy}
+        if self.solver.verify:
+            solver["verify"] = True
+        if self.solver.commands != Solver.commands:
+            solver["commands"] = self.solver.commands
+        return self.edited(solver=solver)
 
     def build(self, *, verify: bool = False) -> Simulation:
         """Return a simulation of the scene at its start.

@@ -284,7 +284,8 @@ def _tracked(block: object, lattice: Lattice, points: dict[str, Point], path: st
 
 
 def check_solver(value: object, path: str) -> Solver:
-    """Return the solver: {integrator, accuracy, verify} or {integrator, dt}."""
-    block = CHECKS.keys(value, ("integrator", "accuracy", "dt", "verify"), path)
+    """Return the solver: {integrator, accuracy, verify, commands} or {integrator, dt}."""
+    block = CHECKS.keys(value, ("integrator", "accuracy", "dt", "verify", "commands"), path)
     accuracy = block.get("accuracy", None if "dt" in block else Solver.accuracy)
-    return Solver(block.get("integrator", "auto"), accuracy, block.get("dt"), block.get("verify", False))
+    rest = block.get("verify", False), block.get("commands", "auto")
+    return Solver(block.get("integrator", "auto"), accuracy, block.get("dt"), *rest)

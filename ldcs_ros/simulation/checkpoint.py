@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.control import Pace
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.state import State
 from ldcs_ros.simulation.inputs import InputsState
+
+if TYPE_CHECKING:
+    # Loaded where enough commands are known to make a course.
+    from ldcs_ros.simulation.known_course import KnownCourse
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,8 @@ class Checkpoint:
         held: Commands during the step.
         is_command_waiting: A command was given at this time and no step has begun with it.
         next_command: Index of the next scheduled command.
+        course: The known course of the commands, or None.
+        is_course_prepared: That course is the one of the commands at this time.
         last_command_time: Time of the last command [s].
         next_command_time: Time at which the next command is expected [s].
         inputs: State of the inputs.
@@ -38,6 +45,8 @@ class Checkpoint:
     held: HeldCommands
     is_command_waiting: bool
     next_command: int
+    course: KnownCourse | None
+    is_course_prepared: bool
     last_command_time: float
     next_command_time: float
     inputs: InputsState

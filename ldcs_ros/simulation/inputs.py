@@ -57,6 +57,9 @@ class Inputs:
         self._names = () if model.arms is None else model.arms.names
         self._links = 0 if model.arms is None else model.arms.n_links
         self._torque_limit = np.array([own.torque_limit for own in self._each])
+        self._pressure_limit = np.array([own.pressure_limit for own in self._each])
+        self._dead_times = sorted({own.dead_time for own in self._each})
+        self._known_pressures: dict[int, tuple[float, ...]] = {}
         self.version = 0
         self.clear()
 
@@ -86,21 +89,25 @@ class Inputs:
         self._overridden |= {"pressure"}
 
     def _apply_pressure(self, value: object) -> None:
+        self._hold_pressure(self._checked_pressure(value), self.time)
+
+    def _checked_pressure(self, value: object) -> tuple[float, ...]:
+        """Return the pressure of each arm [Pa]; raises as `set_pressure`."""
         self._check_drive("pressure")
-        n = len(self._each)
+        n, limit = len(self._each), self._pressure_limit
         given = self._numbers(value, "pressure", "Pa", ((), (n,)))
-        limit = np.array([own.pressure_limit for own in self._each])
         target = np.broadcast_to(given, (n,))
         if (target < 0.0).any() or (target > limit).any():
             raise CommandError(
                 f"pressure: got {_shown(given)} Pa, expected 0 ... {self._of_each(limit)} Pa (gauge)"
             )
-        if self.pressure is not None and np.array_equal(target, self.pressure):
+        return tuple(target.tolist())
+
+    def _hold_pressure(self, targets: tuple[float, ...], now: float) -> None:
+        if self.pressure is not None and targets == tuple(self.pressure.tolist()):
             return
-        self.pressure = target.copy()
-        targets = tuple(float(p) for p in self.pressure)
-        now = self._clock()
-        for dead_time in sorted({own.dead_time for own in self._each}):
+        self.pressure = np.array(targets)
+        for dead_time in self._dead_times:
             answering = tuple(
                 target if own.dead_time == dead_time else None
                 for own, target in zip(self._each, targets, strict=True)
@@ -189,8 +196,17 @@ class Inputs:
         self._overridden |= {frame}
         self.version += 1
 
-    def apply_scheduled(self, command: ScheduledCommand) -> None:
+    @property
+    def time(self) -> float:
+        """The present simulation time [s]."""
+        return self._clock()
+
+    def apply_scheduled(self, command: ScheduledCommand, due: float | None = None) -> None:
         """Apply a scheduled command, except for quantities that were commanded otherwise since the start.
+
+        Args:
+            command: The command.
+            due: Time at which it acts [s], not after the present; None for the present.
 
         Raises:
             CommandError: As the `set_...` methods.
@@ -198,7 +214,11 @@ class Inputs:
         if command.torque is not None and "torque" not in self._overridden:
             self._apply_torque(command.torque)
         if command.pressure is not None and "pressure" not in self._overridden:
-            self._apply_pressure(command.pressure)
+            # Schedules are long, and run again and again.
+            known = self._known_pressures.get(id(command))
+            if known is None:
+                known = self._known_pressures[id(command)] = self._checked_pressure(command.pressure)
+            self._hold_pressure(known, self.time if due is None else due)
         if command.wrench is not None and command.wrench[0] not in self._overridden:
             self._apply_wrench(*command.wrench)
 
@@ -206,7 +226,7 @@ class Inputs:
         """Fill every chamber to the pressure that was last commanded."""
         if self.pressure is not None:
             self._chambers = tuple(
-                replace(chamber, time=self._clock(), pressure=float(p), target=float(p))
+                replace(chamber, time=self.time, pressure=float(p), target=float(p))
                 for chamber, p in zip(self._chambers, self.pressure, strict=True)
             )
         self._pending = ()
@@ -253,7 +273,7 @@ class Inputs:
         self._chambers = tuple(
             chamber
             if target is None
-            else replace(chamber, time=time, pressure=chamber.at(time), target=target)
+            else ChamberPressure(time, chamber.at(time), target, chamber.fill_time, chamber.vent_time)
             for chamber, target in zip(self._chambers, targets, strict=True)
         )
 

@@ -17,6 +17,7 @@ from ldcs_ros.integrators import DEFAULT_INTEGRATOR, integrator_class
 from ldcs_ros.integrators.base import Counters, Step
 from ldcs_ros.integrators.command_steps import CommandSteps
 from ldcs_ros.integrators.control import AdaptiveSteps, FixedSteps, Pace
+from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.model import Model, Motion
 from ldcs_ros.physics.state import State
 from ldcs_ros.schema.units import TIME_TOLERANCE
@@ -199,6 +200,8 @@ class Simulation(ReadableSimulation):
             self._held,
             waiting,
             self._schedule.position,
+            self._schedule.course,
+            self._schedule.is_prepared,
             self._last_command_time,
             self._next_command_time,
             self.inputs.get_state(),
@@ -358,11 +361,23 @@ class Simulation(ReadableSimulation):
         other._begin(motion.q, motion.u)
         return other
 
+    def announce(self, commands: Sequence[ScheduledCommand]) -> None:
+        """Tell which commands of the arms will come from outside, so that a smooth course of them costs fewer steps.
+
+        They are still to be given at their times. The first that does not come, or another one, ends the course.
+
+        Args:
+            commands: Torque or pressure commands, their times rising [s]; those of before are replaced.
+        """
+        self._schedule.announced = tuple(commands)
+        self._schedule.forget_course()
+
     def follow(self, follower: StepFollower) -> None:
         """Have every step from now on followed; the follower's own errors take the place of a transported one."""
         self._follower = follower
         if isinstance(self._control, CommandSteps):
-            # A follower sees every step.
+            # A follower sees every step, and commands as they are held.
+            self._schedule.forget_course()
             self._control = AdaptiveSteps(self.integrator, self._control.accuracy)
         self._pace = replace(self._pace, errors=())
 
@@ -374,6 +389,7 @@ class Simulation(ReadableSimulation):
         return self.time
 
     def _begin(self, q: np.ndarray, u: np.ndarray) -> None:
+        self._schedule.forget_course()
         self._held, self._input_version = self.inputs.held(), self.inputs.version
         motion = self.integrator.start(self.time, q, u, self._held)
         self._step = Step(motion, motion, 0.0)
@@ -381,15 +397,25 @@ class Simulation(ReadableSimulation):
         self._last_command_time, self._next_command_time = -math.inf, math.inf
 
     def _advance(self, time: float) -> None:
-        self._take_commands()
+        schedule = self._schedule
+        if not schedule.is_prepared:
+            is_smoothed = isinstance(self._control, CommandSteps) and self.scene.solver.commands == "auto"
+            schedule.prepare(self.model, self.motion(), self.accuracy if is_smoothed else None)
+        # An announced command of the present may still come while time stands still.
+        if time > self.time + TIME_TOLERANCE or not schedule.is_announced:
+            self._take_commands()
         while True:
-            event = self._schedule.next_event()
+            event = schedule.next_event(self._held.curve)
+            announced = schedule.next_announced(self.time)
+            if announced < time - TIME_TOLERANCE:
+                event = min(event, announced)
             stop = time if event > time - TIME_TOLERANCE else event
             self._integrate_to(stop)
             self.time = stop
+            # A stretch of a curve passes commands without a stop; they are given here, each at its own time.
+            schedule.run_events(stop)
             if event > time + TIME_TOLERANCE:
                 break
-            self._schedule.run_events(stop)
             self._take_commands()
 
     def motion(self) -> Motion:
@@ -399,7 +425,10 @@ class Simulation(ReadableSimulation):
     def _integrate_to(self, stop: float) -> None:
         while self._step.right.time < stop - TIME_TOLERANCE:
             start = self._step.right
-            corners = (self._schedule.next_event(), *self.model.breakpoints)
+            curve = self._held.curve
+            corners = [self._schedule.next_event(curve), *self.model.breakpoints]
+            if curve is None:
+                corners.append(self._schedule.next_announced(self.time))
             barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
             expected = self._next_command_time
             self._take_step(
@@ -425,23 +454,24 @@ class Simulation(ReadableSimulation):
             pace = replace(pace, h=min(pace.h, longest))
         self._step = step
         self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
-        spent = self.statistics
-        spent.error_estimate = max(spent.error_estimate, pace.estimate)
-        spent.velocity_estimate = max(spent.velocity_estimate, pace.velocity_estimate)
+        spent, (position, velocity) = self.statistics, self._schedule.difference(self._held.curve)
+        spent.error_estimate = max(spent.error_estimate, pace.estimate + position)
+        spent.velocity_estimate = max(spent.velocity_estimate, pace.velocity_estimate + velocity)
 
     def _take_commands(self) -> None:
         # A command acts now: the step beyond now is dropped, and the smooth part of the acceleration stays.
-        if self.inputs.version == self._input_version:
+        before, schedule = self._held, self._schedule
+        if self.inputs.version == self._input_version and schedule.course is None and before.curve is None:
             return
-        held, before = self.inputs.held(), self._held
-        if (
-            held.torque is before.torque
-            and held.chambers is before.chambers
-            and held.wrenches is before.wrenches
-        ):
-            # A command that waits in a valve changes nothing yet.
+        held = self.inputs.held()
+        curve = schedule.curve(self.time, held)
+        is_same = held.torque is before.torque and held.chambers is before.chambers
+        if curve is before.curve and (is_same or curve is not None) and held.wrenches is before.wrenches:
+            # A command that waits in a valve changes nothing yet, nor does one that a curve stands in for.
             self._input_version = self.inputs.version
             return
+        if curve is not None:
+            held = replace(held, curve=curve)
         motion = self.motion()
         if motion.time != self.time:
             motion = Motion(self.time, motion.q, motion.u, motion.a)
@@ -452,11 +482,14 @@ class Simulation(ReadableSimulation):
             motion = Motion(motion.time, motion.q, motion.u, motion.a + jump, lasting)
         self._held, self._input_version = held, self.inputs.version
         self._pace = self._pace.left_at(self._step, self.time)
+        if curve is not before.curve:
+            # A curve and the commands before or after it differ by half a step of them.
+            self._pace = replace(self._pace, h=min(self._pace.h, schedule.interval_length(self.time)))
         self._step = Step(motion, motion, 0.0)
         # Commands at a steady rate continue: a step past the next one would be dropped.
+        last = self._last_command_time
         self._next_command_time, self._last_command_time = (
-            2.0 * self.time - self._last_command_time,
-            self.time,
+            (2.0 * self.time - last, self.time) if curve is None else (math.inf, -math.inf)
         )
 
     def _origin(self) -> tuple[object, ...]:
@@ -484,7 +517,9 @@ class Simulation(ReadableSimulation):
                 f"({own} nodes, {self.integrator.name}); use start_from for a shape alone"
             )
         self._step, self._pace, self._held = checkpoint.step, checkpoint.pace, checkpoint.held
-        self._schedule.position = checkpoint.next_command
+        schedule = self._schedule
+        schedule.position, schedule.course = checkpoint.next_command, checkpoint.course
+        schedule.is_prepared = checkpoint.is_course_prepared
         self._last_command_time, self._next_command_time = (
             checkpoint.last_command_time,
             checkpoint.next_command_time,

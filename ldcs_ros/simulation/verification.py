@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ldcs_ros.physics.inputs import ScheduledCommand
 from ldcs_ros.physics.state import State
 from ldcs_ros.simulation.checkpoint import Checkpoint
 from ldcs_ros.simulation.problem import Problem
@@ -69,6 +71,11 @@ class VerifiedSimulation(Simulation):
         super().start_from(position, velocity, link_angle=link_angle, link_rate=link_rate)
         self._pass_commands()
         self._finer.start_from(position, velocity, link_angle=link_angle, link_rate=link_rate)
+
+    def announce(self, commands: Sequence[ScheduledCommand]) -> None:
+        """Announce commands to both solutions, as `Simulation.announce`."""
+        super().announce(commands)
+        self._finer.announce(commands)
 
     def settle(self, *, follow: bool = False, until: float = math.inf) -> Stability:
         """Move both solutions to one equilibrium; raises as `Simulation.settle`."""

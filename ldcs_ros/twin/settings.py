@@ -40,7 +40,17 @@ def _seed(text: str) -> int:
     return value
 
 
+def _one_of(*words: str) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        if text not in words:
+            raise ValueError(f"got {text[:40]!r}, expected one of {list(words)}")
+        return text
+
+    return read
+
+
 _RATE = _number(1e-3, 1e5)
+KNOWN_COMMANDS = ("held", "schedule", "all")
 
 
 @dataclass(frozen=True)
@@ -60,6 +70,8 @@ class RunSettings:
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
         command_steps: Steps under commands at a rate may be those of the formula for them.
+        known_commands: Which commands a smooth drive may stand in for: none ('held'), those of the scene's schedule
+            ('schedule'), or those that were announced, too ('all').
         verify: Measure the error by a second solution at a tenth of the accuracy; true also where the scene says so.
     """
 
@@ -75,6 +87,7 @@ class RunSettings:
     full_precision: bool = _setting(False, _truth, key="detail")
     settled: bool = _setting(False, _truth)
     command_steps: bool = _setting(True, _truth)
+    known_commands: str = _setting("schedule", _one_of(*KNOWN_COMMANDS))
     verify: bool = _setting(False, _truth)
 
     def to_metadata(self) -> dict[str, str]:
@@ -90,10 +103,11 @@ class RunSettings:
         """
         held = {one.name: (one, texts.get(one.metadata["key"] or one.name, "")) for one in fields(cls)}
         values = {name: one.metadata["read"](text) for name, (one, text) in held.items() if text}
-        # Bags from before the links had frames replay without them, those from before command steps by other steps.
-        for later in ("link_frames", "command_steps"):
+        # Bags from before the links had frames replay without them, those from before command steps by other steps,
+        # those from before smooth drives with every command held.
+        for later, before in (("link_frames", False), ("command_steps", False), ("known_commands", "held")):
             if texts and later not in texts:
-                values[later] = False
+                values[later] = before
         return cls(**values)
 
 

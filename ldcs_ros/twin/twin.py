@@ -87,6 +87,8 @@ class Twin:
         asked = scene if accuracy is None else scene.with_accuracy(accuracy)
         if not self.settings.command_steps and asked.solver.integrator == "auto":
             asked = asked.edited({"solver.integrator": DEFAULT_INTEGRATOR})
+        if self.settings.known_commands == "held" and asked.solver.integrator == "auto":
+            asked = asked.edited({"solver.commands": "held"})
         self.simulation = asked.build(verify=True) if self.settings.verify else asked.build()
         self.frames = Frames(self.settings.frame_prefix)
         self.commands = Commands(self.simulation, self.frames)

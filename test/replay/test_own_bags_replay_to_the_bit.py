@@ -146,6 +146,18 @@ def test_whatever_is_commanded_replays(recorded, pneumatic, tmp_path_factory, st
     assert done.verdict.same_bytes, done.verdict
 
 
+@pytest.mark.parametrize("known", ["schedule", "held"])
+def test_a_bag_says_whether_a_schedule_was_followed_smoothly(recorded, pneumatic, tmp_path, known):
+    inputs = [{"time": 0.01 * k, "pressure": float(4e4 * (1.0 - np.cos(0.04 * k)))} for k in range(40)]
+    with recorded(pneumatic.edited(inputs=inputs), known_commands=known) as twin:
+        twin.advance_to(0.25)
+        twin.receive("pressure_command", pressure_command([3e4]))
+        twin.advance_to(0.35)
+    assert (twin.simulation.statistics.steps < 30) == (known == "schedule")
+    assert read_bag(tmp_path / "original").custom_data["known_commands"] == known
+    assert same(tmp_path / "original", tmp_path).twin.settings.known_commands == known
+
+
 def test_commands_alone_are_enough(recorded, pneumatic, tmp_path):
     with recorded(pneumatic) as twin:
         twin.advance_to(0.1)

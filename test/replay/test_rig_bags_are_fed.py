@@ -99,6 +99,17 @@ def test_a_bag_made_from_a_rigs_bag_is_our_own(tmp_path, pneumatic):
     assert replay(tmp_path / "twin", tmp_path / "again").verdict.same_bytes
 
 
+def test_a_smooth_course_of_a_rig_is_known_beforehand_and_its_bag_replays_to_the_bit(tmp_path, pneumatic):
+    course = 4e4 * (1.0 - np.cos(4.0 * np.arange(60) * 0.01))
+    source = write(tmp_path / "rig", [("/p", WALL + k * 10 * MS, array([p])) for k, p in enumerate(course)])
+    mapped = parse_mapping({"commands": [{"topic": "/p", "to": "pressure_command"}], "initial": "rest"})
+    done = run(source, tmp_path, pneumatic, mapped)
+    assert done.twin.settings.known_commands == "all" and done.outcome.applied == 59
+    assert done.twin.simulation.statistics.steps < 59
+    again = replay(tmp_path / "twin", tmp_path / "again")
+    assert again.verdict.same_bytes and again.twin.simulation.statistics.steps < 59
+
+
 def test_absolute_pressures_of_single_arms_become_gauge_pressures(tmp_path, pneumatic):
     psi = 6894.757293168361
     messages = [

@@ -74,6 +74,7 @@ def test_settings_without_values_are_the_documented_ones_and_return_from_a_bags_
         "detail": "false",
         "settled": "false",
         "command_steps": "true",
+        "known_commands": "schedule",
         "verify": "false",
     }
     chosen = RunSettings(seed=3, accuracy=1e-6, publish_rate=20.0, full_precision=True, frame_prefix="twin/")
@@ -82,7 +83,7 @@ def test_settings_without_values_are_the_documented_ones_and_return_from_a_bags_
     assert RunSettings.from_metadata({}) == settings
     # A bag from before the links had frames replays without them, one from before command steps by other steps.
     old = RunSettings.from_metadata({"publish_tf": "true"})
-    assert not old.link_frames and not old.command_steps
+    assert not old.link_frames and not old.command_steps and old.known_commands == "held"
 
 
 def test_a_watchdog_counts_its_trips_from_zero():

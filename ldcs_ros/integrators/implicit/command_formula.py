@@ -60,9 +60,9 @@ class CommandFormula:
         self._turning = TURNING * min(model.lattice.spacing)
 
     def loads(self, held: HeldCommands) -> Loads | None:
-        """Return what the kernel needs of held commands; None if a wrench turns with the sheet."""
+        """Return what the kernel needs of held commands; None if a wrench turns with the sheet, or for a curve."""
         steady, arms = self._force.steady(held), self._model.arms
-        if steady is None:
+        if steady is None or held.curve is not None:
             return None
         if arms is None:
             return Loads(held, steady, np.zeros((4, 0, 0)), is_constant=True)

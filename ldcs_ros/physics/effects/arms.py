@@ -266,7 +266,9 @@ class ArmsTerm(Term):
     def drive_torques(self, times: Sequence[float] | np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the drive torque of each joint at several times [N m], shape (n_times, n_arms, n_links)."""
         torque = np.zeros((len(times), *self.used.shape))
-        if self.arms.drive == "torque" and inputs.torque is not None:
+        if inputs.curve is not None:
+            torque[:] = inputs.curve.at(np.asarray(times))
+        elif self.arms.drive == "torque" and inputs.torque is not None:
             torque[:] = inputs.torque
         elif self.arms.drive == "pressure" and inputs.chambers:
             pressure = np.array([[chamber.at(time) for chamber in inputs.chambers] for time in times])
