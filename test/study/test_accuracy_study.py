@@ -109,6 +109,23 @@ def test_the_figures_count_missed_accuracies_and_silent_estimates():
     assert (found.consistent, found.sharp) == (0.75, 0.75)
 
 
+def test_a_reference_begins_in_the_shape_of_its_case(tmp_path):
+    content = {
+        "lattice": {"size": [0.1, 0.1, 0.01], "nodes": [2, 2], "mass": 0.1},
+        "effects": [{"type": "springs", "law": "axial", "stiffness": 50.0, "damping": 1.0}],
+    }
+    rest = load_scene(content).lattice.reference_position
+    start = rest + 0.002 * np.random.default_rng(3).normal(size=rest.shape)
+    case = Case(
+        "shaped", content, 1e-3, drift=(0.1, 0.0, 0.0), looks=1, start=tuple(map(tuple, start.tolist()))
+    )
+    simulation = load_scene(content).with_accuracy(1e-7).build()
+    simulation.start_from(start, np.tile([0.1, 0.0, 0.0], (len(start), 1)))
+    simulation.advance_to(1e-3)
+    known = reference(case, cache=tmp_path)[-1]
+    np.testing.assert_allclose(known, simulation.state.position, rtol=0.0, atol=2e-7)
+
+
 def test_a_sparse_jacobian_gives_the_reference_of_the_full_one(tmp_path, monkeypatch):
     arms = {"type": "arms", "drive": "torque", "links": 2, "coupling_damping": 50.0}
     content = {

@@ -139,9 +139,10 @@ def measure(case: Case, accuracy: float, truth: Truth) -> Pair:
 
 def _started(case: Case, accuracy: float) -> Simulation:
     simulation = load_scene(case.content).with_accuracy(accuracy).build()
-    velocity = start_velocity(case, simulation.state.position)
-    if velocity is not None:
-        simulation.start_from(simulation.state.position, velocity)
+    place = np.array(case.start) if case.start else simulation.state.position
+    velocity = start_velocity(case, place)
+    if case.start or velocity is not None:
+        simulation.start_from(place, velocity)
     return simulation
 
 

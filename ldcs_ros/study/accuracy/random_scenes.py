@@ -21,6 +21,7 @@ class Case:
         spin: Angular velocity of the whole sheet at the start [rad/s], shape (3,).
         drift: Linear velocity of the whole sheet at the start [m/s], shape (3,).
         looks: Comparisons in its duration.
+        start: Place of each node at the start [m], in the order of nodes; empty for the flat sheet.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Case:
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     looks: int = 100
+    start: tuple[tuple[float, ...], ...] = ()
 
 
 def random_case(seed: int) -> Case:

@@ -70,8 +70,9 @@ def reference_motion(
 
 def _course(case: Case, cache: Path, seconds: float, tolerance: float, wanted: str) -> dict[str, np.ndarray]:
     # What is stored of a case if `wanted` is among it, or what is computed and stored now.
+    start = [case.start] if case.start else []
     key = json.dumps(
-        [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks, tolerance],
+        [FORMAT, case.content, case.duration, case.spin, case.drift, case.looks, tolerance, *start],
         sort_keys=True,
         default=float,
     )
@@ -103,12 +104,12 @@ def _solve(case: Case, seconds: float, tolerance: float) -> tuple[np.ndarray, np
     equations = Equations(scene)
     free, n = equations.free, len(equations.free)
     q, u = equations.begin()
-    velocity = start_velocity(case, equations.rest)
+    nodes = free[free < 3 * equations.n]
+    if case.start:
+        q[nodes] = np.ravel(case.start)[nodes]
+    velocity = start_velocity(case, np.array(case.start) if case.start else equations.rest)
     if velocity is not None:
-        fixed = np.setdiff1d(np.arange(equations.n_coordinates), free)
-        kept = u[fixed].copy()
-        u[: 3 * equations.n] = velocity.ravel()
-        u[fixed] = kept
+        u[nodes] = velocity.ravel()[nodes]
     events = _events(scene, equations, case.duration)
     pattern = equations.pattern() if n >= SPARSE_SIZE else None
     looks = looks_of(case)

@@ -85,7 +85,16 @@ def independent(case: HardCase, run: CaseRun) -> CaseComparison:
     reference's own.
     """
     content = {key: value for key, value in case.scene.items() if key != "solver"}
-    alone = Case(case.name, content, case.duration, case.spin, case.drift, looks=len(case.sample_times))
+    start = STARTS[case.start](run.simulation.lattice) if case.start else np.empty((0, 3))
+    alone = Case(
+        case.name,
+        content,
+        case.duration,
+        case.spin,
+        case.drift,
+        looks=len(case.sample_times),
+        start=tuple(map(tuple, start.tolist())),
+    )
     asked, error = case.accuracy or FIXED_STEP, math.inf
     for tolerance in (0.1 * asked, 1e-4 * asked):
         try:
@@ -213,12 +222,9 @@ class HardCase:
         """Return the simulation at its start, with another solver if one is given."""
         scene = load_scene(self.scene)
         simulation = (scene if solver is None else replace(scene, solver=solver)).build()
-        velocity = start_velocity(
-            Case(self.name, self.scene, self.duration, self.spin, self.drift),
-            scene.lattice.reference_position,
-        )
+        shape = STARTS[self.start](scene.lattice) if self.start else scene.lattice.reference_position
+        velocity = start_velocity(Case(self.name, self.scene, self.duration, self.spin, self.drift), shape)
         if self.start or velocity is not None:
-            shape = STARTS[self.start](scene.lattice) if self.start else scene.lattice.reference_position
             simulation.start_from(shape, velocity)
         return simulation
 

@@ -36,6 +36,10 @@ def _chirp(top: float, duration: float, rate: float = 500.0) -> list[Content]:
     return [{"time": t, "torque": 0.1 * math.sin(math.pi * top * t * t / duration)} for t in times]
 
 
+SPLIT = (
+    "the mirror symmetry of the hanging sheet is unstable from 0.25 s on: rounding of 1e-17 m grows 1e12 times, in "
+    "the reference as well, whose runs at three tolerances differ by up to 3e-5 m; the estimate counts a part of it"
+)
 TORN = "the corner is torn out by half a metre at 7 m/s"
 ZERO = [0.0, 0.0, 0.0]
 TORQUE = [1.0, 0.0, 0.0]
@@ -52,7 +56,8 @@ LOAD_CASES = (
     HardCase(
         "10 kg on the soft sheet",
         changed(HANGING, add=({"type": "payload", "at": "P1", "mass": 1e4 * NODE_MASS},)),
-        duration=0.5,
+        0.5,
+        SPLIT,
     ),
     HardCase("a step of full pressure", changed(RIG, {"inputs": [{"time": 0.0, "pressure": 200e3}],
         "effects.arms.fill_time": 0.0}), duration=0.3),
