@@ -12,23 +12,20 @@ from ldcs_ros.errors import DivergenceError, SceneError
 from ldcs_ros.estimate.manifold import QuadraticManifold, fit_manifold
 from ldcs_ros.estimate.training import PERIOD, FullRun, full_run, random_commands
 from ldcs_ros.physics.kernels.coverage import is_covered
-from ldcs_ros.physics.kernels.manifold_step import manifold_step
+from ldcs_ros.physics.kernels.manifold_step import LEAD, fill_projection, manifold_step
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.scene import Scene
 from ldcs_ros.simulation.inputs import Inputs
 from ldcs_ros.simulation.linear_model import mass_matrix, stiffness_and_damping
 from ldcs_ros.simulation.threads import one_thread
 
-STEPS = 2  # in a period
-H = PERIOD / STEPS
 TOLERANCE = 2e-5  # of an iteration, displacement of all nodes together [m]
 MOST_ITERATIONS = 20
 LEADING = 10  # coordinates that the quadratic part of the projection depends on
-PLACES = 1200  # shapes at which it is computed
-COMPONENTS = 40  # stiff coordinates have small entries and large forces: 24 leave errors of a millimetre
+PLACES = 3000  # shapes at which it is computed
+COMPONENTS = 60  # stiff coordinates have small entries and large forces: 24 leave errors of a millimetre
 SMOOTHING = 1e-4
 RANK = 1e-12  # of the largest eigenvalue of the components: below it is rounding
-WILDEST_SECANT = 20.0
 FORGETTING = 0.1  # s: time constant of the error that the steps leave
 AIM = 3.2  # the estimate over the expected largest error
 UNCONVERGED = 0.004  # m: added to the indicator where an iteration needs a new projection
@@ -38,7 +35,7 @@ MARGIN = 0.1  # beyond the samples, as a fraction of their range
 class ReducedRun:
     """A reduced model that follows pressure commands at 50 Hz.
 
-    The coordinates z of a quadratic manifold follow M a = f(q, u) of the full model by BDF2 with two steps a period.
+    The coordinates z of a quadratic manifold follow M a = f(q, u) of the full model by BDF3 with a step a period.
     All forces are those of the full model, in one compiled call. The residual vanishes in the projection V S^-1, with
     S the Jacobian of the step and V the encoder: the result is the shape of the manifold nearest to the full model's.
     A projection on the manifold's own tangents weighs stiff directions more and is millimetres off.
@@ -104,9 +101,8 @@ class ReducedRun:
         z = self.manifold.encode(coordinates)
         q = self.manifold.decode(z)
         self.time, self.outside, self.refactored, self._kept = 0.0, "", 0, 0
-        self._zs, self._qs = np.array([z] * 3), np.array([q] * 2)
+        self._zs, self._qs = np.array([z] * 3), np.array([q] * 3)
         self._us = np.zeros_like(self._qs)
-        self._secant = np.eye(self.manifold.n)
         self._last = np.array(pressure, dtype=float)
         self._inputs = Inputs(self._model, lambda: self.time)
         self._inputs.set_pressure(pressure)
@@ -138,14 +134,12 @@ class ReducedRun:
         self._inputs.set_pressure(pressure)
         if self._kept == 0:
             self._projection = self._projection_at(self._zs[0])
-        start = self.time
-        for k in range(1, STEPS + 1):
-            self.time = start + k * PERIOD / STEPS
-            while self._inputs.next_valve_change() <= self.time:
-                self._inputs.apply_valve_change()
-            self._step(self._force.drive(self.time, self._inputs.held()))
+        self.time += PERIOD
+        while self._inputs.next_valve_change() <= self.time:
+            self._inputs.apply_valve_change()
+        self._step(self._force.drive(self.time, self._inputs.held()))
         self._kept = max(self._kept - 1, 0)
-        if np.any(self._zs[0] < self._low) or np.any(self._zs[0] > self._high):
+        if ((self._zs[0] < self._low) | (self._zs[0] > self._high)).any():
             self.outside = self.outside or f"a shape at t = {self.time:.2f} s is unlike those of the samples"
 
     def _check(self, pressure: np.ndarray) -> None:
@@ -169,12 +163,11 @@ class ReducedRun:
                 manifold.mean,
                 manifold.decoder,
                 self._projection,
-                self._secant,
                 manifold.scale,
                 self._zs,
                 self._qs,
                 self._us,
-                H,
+                PERIOD,
                 TOLERANCE,
                 MOST_ITERATIONS,
             )
@@ -183,12 +176,9 @@ class ReducedRun:
             self.refactored += 1
             self._left += UNCONVERGED
             self._projection, self._kept = self._exact_projection(self._zs[0]), 1
-            self._secant = np.eye(manifold.n)
         else:
             raise DivergenceError(f"a step of the reduced model at t = {self.time:.3f} s does not converge")
-        if np.abs(self._secant).max() > WILDEST_SECANT:
-            self._secant = np.eye(manifold.n)
-        self._left += unforeseen - self._left * H / FORGETTING
+        self._left += unforeseen - self._left * PERIOD / FORGETTING
         self.indicator = max(self.indicator, self._left)
 
     def _features(self, z: np.ndarray) -> np.ndarray:
@@ -196,18 +186,24 @@ class ReducedRun:
         return np.concatenate([[1.0], leading, leading[self._first] * leading[self._second]])
 
     def _projection_at(self, z: np.ndarray) -> np.ndarray:
-        at = z * self._metric
-        square = self._squares + at @ at - 2.0 * (self._places @ at)
-        far = np.sqrt(np.maximum(square, 0.0))
-        fractions = self._features(z) @ self._fractions - far @ self._differences
-        row = np.append(fractions, 1.0).astype(np.float32) @ self._components
-        return row.astype(float).reshape(self.manifold.n, -1)
+        flat = np.empty(self._components.shape[1], dtype=np.float32)
+        fill_projection(
+            z,
+            min(LEADING, self.manifold.n),
+            self._fractions,
+            self._metric,
+            self._places,
+            self._differences,
+            self._components,
+            flat,
+        )
+        return flat.astype(float).reshape(self.manifold.n, -1)
 
     def _exact_projection(self, z: np.ndarray) -> np.ndarray:
         model, at, free = self._model, self._at, self._model.free
         q = self.manifold.decode(z)
         by_q, by_u = stiffness_and_damping(model, 0.0, q, np.zeros_like(q), at.held)
-        matrix = (2.25 / H**2 * self._mass - 1.5 / H * by_u - by_q).tocsc()
+        matrix = ((LEAD / PERIOD) ** 2 * self._mass - LEAD / PERIOD * by_u - by_q).tocsc()
         solved = splu(matrix).solve(np.ascontiguousarray(self.manifold.encoder[:, free].T), trans="T").T
         tangent = self.manifold.tangent(z)[:, free]
         projection = np.zeros((self.manifold.n, model.n_coordinates))
@@ -240,7 +236,6 @@ class ReducedRun:
         self._fractions = np.linalg.solve(gram, features.T @ wanted)
         self._metric = np.sqrt(manifold.scale / manifold.scale[0])
         self._places = z[chosen] * self._metric
-        self._squares = (self._places**2).sum(axis=1)
         far = cdist(self._places, self._places)
         self._differences = np.linalg.solve(
             far - SMOOTHING * np.eye(len(far)), features @ self._fractions - wanted

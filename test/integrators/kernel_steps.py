@@ -22,7 +22,7 @@ from ldcs_ros.integrators.implicit.banded import Band
 from ldcs_ros.integrators.implicit.block_tridiagonal import BlockTridiagonal
 from ldcs_ros.integrators.implicit.nested_dissection import Dissection
 from ldcs_ros.integrators.implicit.system import LinearSystem
-from ldcs_ros.physics.kernels.manifold_step import manifold_step
+from ldcs_ros.physics.kernels.manifold_step import fill_projection, manifold_step
 from ldcs_ros.physics.kernels.total_force import TotalForce
 from ldcs_ros.scene import load_scene
 
@@ -389,7 +389,8 @@ def test_a_step_on_a_manifold_leaves_no_projected_residual(links):
     random, free, n = np.random.default_rng(13), model.free, len(mean)
     scale, decoder = np.array([1.0, 0.5]), np.zeros((5, n))
     decoder[:, free] = random.normal(size=(5, len(free))) * [[1.0], [1.0], [0.3], [0.3], [0.3]]
-    stiffness = dense_stage(model, mean, still, held, h / 1.5) * (1.5 / h) ** 2
+    lead = 11.0 / 6.0
+    stiffness = dense_stage(model, mean, still, held, h / lead) * (lead / h) ** 2
     projection = np.zeros((2, n))
     projection[:, free] = np.linalg.pinv(decoder[:2, free].T) @ np.linalg.inv(stiffness)
     weights = np.zeros(n)
@@ -399,8 +400,8 @@ def test_a_step_on_a_manifold_leaves_no_projected_residual(links):
         return mean + np.array([*z, z[0] * z[0], z[0] * z[1], z[1] * z[1]]) @ decoder
 
     zs = 1e-3 * np.array([[1.0, 2.0], [0.5, 1.5], [0.2, 1.0]])
-    qs = np.stack([place(zs[0]), place(zs[1])])
-    us = np.stack([(place(zs[0]) - place(zs[1])) / h, (place(zs[1]) - place(zs[2])) / h])
+    qs = np.stack([place(z) for z in zs])
+    us = np.stack([(qs[0] - qs[1]) / h, (qs[1] - qs[2]) / h, (qs[1] - qs[2]) / h])
     old, guess, force = (
         (zs.copy(), qs.copy(), us.copy()),
         3.0 * zs[0] - 3.0 * zs[1] + zs[2],
@@ -408,20 +409,36 @@ def test_a_step_on_a_manifold_leaves_no_projected_residual(links):
     )
     iterations, unforeseen = manifold_step(
         force.tables, force.drive(0.0, held), force.steady(held), force.scratch, weights, mean, decoder, projection,
-        np.eye(2), scale, zs, qs, us, h, 1e-9, 20,
+        scale, zs, qs, us, h, 1e-9, 20,
     )  # fmt: skip
     assert 0 < iterations <= 8
-    assert np.array_equal(zs[1:], old[0][:2]) and np.array_equal(qs[1], old[1][0])
+    assert np.array_equal(zs[1:], old[0][:2]) and np.array_equal(qs[1:], old[1][:2])
     np.testing.assert_allclose(qs[0], place(zs[0]), atol=1e-15)
-    u = (1.5 * qs[0] - 2.0 * old[1][0] + 0.5 * old[1][1]) / h
-    a = (1.5 * u - 2.0 * old[2][0] + 0.5 * old[2][1]) / h
-    np.testing.assert_allclose(us, [u, old[2][0]], atol=1e-12)
+    u = (11.0 * qs[0] - 18.0 * old[1][0] + 9.0 * old[1][1] - 2.0 * old[1][2]) / (6.0 * h)
+    a = (11.0 * u - 18.0 * old[2][0] + 9.0 * old[2][1] - 2.0 * old[2][2]) / (6.0 * h)
+    np.testing.assert_allclose(us, [u, *old[2][:2]], atol=1e-12)
     residual = model.force(0.0, qs[0], u, held) - dense_mass(model, qs[0]) @ a[free]
     assert np.abs(projection[:, free] @ residual * scale).max() < 1e-8
     assert unforeseen == pytest.approx(np.linalg.norm(scale * (zs[0] - guess)))
     assert unforeseen > 1e-5
     refused = manifold_step(
         force.tables, force.drive(0.0, held), force.steady(held), force.scratch, weights, mean, decoder, projection,
-        np.eye(2), scale, zs, qs, us, h, 1e-9, 1,
+        scale, zs, qs, us, h, 1e-9, 1,
     )  # fmt: skip
     assert refused == (-2, np.inf)
+
+
+def test_a_projection_is_the_mean_and_its_components_by_features_and_distances():
+    random, r, leading, k, n, places = np.random.default_rng(5), 4, 3, 6, 11, 9
+    z, metric = random.normal(size=r), random.uniform(0.5, 2.0, r)
+    first, second = np.triu_indices(leading)
+    features = np.concatenate([[1.0], z[:leading], z[first] * z[second]])
+    fractions, differences = random.normal(size=(len(features), k)), random.normal(size=(places, k))
+    at = random.normal(size=(places, r))
+    components = random.normal(size=(k + 1, n)).astype(np.float32)
+    found = np.empty(n, dtype=np.float32)
+    fill_projection(z, leading, fractions, metric, at, differences, components, found)
+    far = np.array([np.linalg.norm(place - z * metric) for place in at])
+    expected = (features @ fractions - far @ differences) @ components[:k] + components[k]
+    # Single precision, of sums whose terms reach some tens.
+    np.testing.assert_allclose(found, expected, atol=2e-4)

@@ -1,4 +1,4 @@
-"""One step of the two-step formula on a quadratic manifold, compiled."""
+"""One step of the three-step formula on a quadratic manifold, and its projection, compiled."""
 
 from __future__ import annotations
 
@@ -7,11 +7,56 @@ import math
 import numpy as np
 
 from ldcs_ros.physics import arm
-from ldcs_ros.physics.compiled import compiled
+from ldcs_ros.physics.compiled import compiled, compiled_fast
 from ldcs_ros.physics.kernels.total_force import add_total_force
 
 # A correction of the displacement of all nodes together that is taken at most [m].
 LARGEST = 0.03
+# BDF3: h q' = LEAD q - 3 q1 + 3/2 q2 - LAST q3, with the values before numbered backwards.
+LEAD, LAST = 11.0 / 6.0, 1.0 / 3.0
+
+
+@compiled_fast
+def fill_projection(z, leading, fractions, metric, places, differences, components, out):  # type: ignore[no-untyped-def]
+    """Fill `out`, shape (n,), with the sum of components that belongs to the coordinates z of a manifold.
+
+    Their fractions are a quadratic function of the leading z, less distances to places times differences.
+
+    Args:
+        z: Coordinates, shape (r,).
+        leading: How many of them the quadratic function depends on.
+        fractions: Its coefficients: of 1, of z_i, of z_i z_j for i <= j, shape (n_features, k).
+        metric: Factors on z that make its distances, shape (r,).
+        places: Places in these units, shape (n_places, r).
+        differences: Large numbers that cancel, shape (n_places, k).
+        components: In single precision, the mean last, shape (k + 1, n).
+        out: Result in single precision.
+    """
+    k = fractions.shape[1]
+    row = fractions[0].copy()
+    for i in range(leading):
+        for c in range(k):
+            row[c] += z[i] * fractions[1 + i, c]
+    feature = 1 + leading
+    for i in range(leading):
+        for j in range(i, leading):
+            product = z[i] * z[j]
+            for c in range(k):
+                row[c] += product * fractions[feature, c]
+            feature += 1
+    at = z * metric
+    for p in range(places.shape[0]):
+        square = 0.0
+        for i in range(z.size):
+            square += (places[p, i] - at[i]) ** 2
+        distance = math.sqrt(square)
+        for c in range(k):
+            row[c] -= distance * differences[p, c]
+    out[:] = components[k]
+    for c in range(k):
+        fraction, component = np.float32(row[c]), components[c]
+        for i in range(out.size):
+            out[i] += fraction * component[i]
 
 
 @compiled
@@ -24,7 +69,6 @@ def manifold_step(  # type: ignore[no-untyped-def]
     mean,
     decoder,
     projection,
-    secant,
     scale,
     zs,
     qs,
@@ -33,20 +77,20 @@ def manifold_step(  # type: ignore[no-untyped-def]
     tolerance,
     most,
 ):
-    """Advance by one step of BDF2 in the coordinates q of the sheet, solved for z of the manifold.
+    """Advance by one step of BDF3 in the coordinates q of the sheet, solved for z of the manifold.
 
     The residual R = f(q, u) - M a of the full model vanishes in `projection`, P = V S^-1 with S the Jacobian of -R, so
-    that stiff directions weigh no more than soft ones. Its Jacobian by z is near -1; secants (Broyden) do the rest.
+    that stiff directions weigh no more than soft ones. Its Jacobian by z is near -1. Each step begins with -1 and
+    learns by secants (Broyden); those of another step can be so wrong that an iteration seems to have converged.
 
     Args:
         tables, drive, constant, scratch: As of `add_total_force`.
         weights: Mass of each coordinate of a node [kg], shape (n_q,); 0 for angles and fixed ones.
         mean, decoder: Of the manifold.
         projection: P, shape (r, n_q); 0 for fixed coordinates.
-        secant: Inverse of the Jacobian of the projected residual, shape (r, r); changed in place.
         scale: Of the manifold, shape (r,).
         zs: The last three z, the newest first, shape (3, r); changed in place.
-        qs, us: The last two coordinates and rates, shape (2, n_q); changed in place.
+        qs, us: The last three coordinates and rates, the newest first, shape (3, n_q); changed in place.
         h: Step [s].
         tolerance: What the iteration may leave, in displacement of all nodes together [m].
         most: Iterations at most.
@@ -64,6 +108,7 @@ def manifold_step(  # type: ignore[no-untyped-def]
     links = tables.arms.links.shape[1]
     inertia = np.empty((max((n - 3 * nodes) // max(links, 1), 0), links, links))
     step, before, value = np.zeros(r), np.zeros(r), np.zeros(r)
+    secant = np.eye(r)
     iterations = 0
     converged = False
     while True:
@@ -76,8 +121,8 @@ def manifold_step(  # type: ignore[no-untyped-def]
         q[:] = np.dot(features, decoder)
         for i in range(n):
             q[i] += mean[i]
-            u[i] = (1.5 * q[i] - 2.0 * qs[0, i] + 0.5 * qs[1, i]) / h
-            residual[i] = (1.5 * u[i] - 2.0 * us[0, i] + 0.5 * us[1, i]) / h
+            u[i] = (LEAD * q[i] - 3.0 * qs[0, i] + 1.5 * qs[1, i] - LAST * qs[2, i]) / h
+            residual[i] = (LEAD * u[i] - 3.0 * us[0, i] + 1.5 * us[1, i] - LAST * us[2, i]) / h
         if converged:
             break
         force[:] = constant
@@ -120,8 +165,8 @@ def manifold_step(  # type: ignore[no-untyped-def]
     for i in range(r):
         zs[2, i], zs[1, i], zs[0, i] = zs[1, i], zs[0, i], z[i]
     for i in range(n):
-        qs[1, i], qs[0, i] = qs[0, i], q[i]
-        us[1, i], us[0, i] = us[0, i], u[i]
+        qs[2, i], qs[1, i], qs[0, i] = qs[1, i], qs[0, i], q[i]
+        us[2, i], us[1, i], us[0, i] = us[1, i], us[0, i], u[i]
     unforeseen = 0.0
     for i in range(r):
         unforeseen += (scale[i] * (z[i] - guess[i])) ** 2
