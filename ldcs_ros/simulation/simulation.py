@@ -6,7 +6,6 @@ import math
 import time as wall_clock
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -155,9 +154,12 @@ class Simulation(ReadableSimulation):
             raise ValueError(f"cannot advance to {time!r} s, expected a time of at least {self.time:.9g} s")
         started = wall_clock.perf_counter()
         try:
-            # The formula for commands uses no BLAS, and the switch costs as much as one of its steps.
-            with nullcontext() if self.follows_commands else one_thread():
+            if self.follows_commands:
+                # The formula for commands uses no BLAS, and the switch costs as much as one of its steps.
                 self._advance(time)
+            else:
+                with one_thread():
+                    self._advance(time)
         finally:
             self._count(wall_clock.perf_counter() - started)
 
@@ -423,13 +425,13 @@ class Simulation(ReadableSimulation):
         return self._step.at(self.time, self.model)
 
     def _integrate_to(self, stop: float) -> None:
-        while self._step.right.time < stop - TIME_TOLERANCE:
-            start = self._step.right
+        while (start := self._step.right).time < stop - TIME_TOLERANCE:
             curve = self._held.curve
-            corners = [self._schedule.next_event(curve), *self.model.breakpoints]
-            if curve is None:
-                corners.append(self._schedule.next_announced(self.time))
-            barrier = min((time for time in corners if time > start.time + TIME_TOLERANCE), default=math.inf)
+            announced = math.inf if curve is not None else self._schedule.next_announced(self.time)
+            barrier = math.inf
+            for time in (self._schedule.next_event(curve), announced, *self.model.breakpoints):
+                if start.time + TIME_TOLERANCE < time < barrier:
+                    barrier = time
             expected = self._next_command_time
             self._take_step(
                 *self._control.advance(
@@ -534,10 +536,11 @@ class Simulation(ReadableSimulation):
         self._count(0.0)
 
     def _count(self, wall_time: float) -> None:
-        counters = self.integrator.counters
-        for name in ("steps", "rejected_steps", "evaluations", "factorisations", "solves"):
-            setattr(self.statistics, name, getattr(counters, name))
-        self.statistics.wall_time += wall_time
+        counters, spent = self.integrator.counters, self.statistics
+        spent.steps, spent.rejected_steps = counters.steps, counters.rejected_steps
+        spent.evaluations, spent.solves = counters.evaluations, counters.solves
+        spent.factorisations = counters.factorisations
+        spent.wall_time += wall_time
 
 
 def _read_only(view: np.ndarray) -> np.ndarray:
