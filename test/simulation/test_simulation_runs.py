@@ -227,7 +227,8 @@ def test_energy_only_leaves_through_dashpots(integrator):
 
 
 def test_nodes_in_holes_have_no_place():
-    content = small_sheet(nodes=(5, 5))
+    # P0 would be in the hole.
+    content = small_sheet(points={"P1": ["mid", "free_edge"]}, sensors={})
     content["lattice"]["holes"] = [{"circle": [0.07, 0.0, 0.01]}]
     simulation = load_scene(content).build()
     missing = simulation.lattice.missing
