@@ -15,8 +15,8 @@ from ldcs_ros.integrators import DEFAULT_INTEGRATOR
 from ldcs_ros.scene import Scene, load_scene
 from ldcs_ros.schema.paths import with_values
 from ldcs_ros.schema.units import TIME_TOLERANCE
-from ldcs_ros.simulation.run_parameters import StartProfile
 from ldcs_ros.simulation.run_sensitivity import TangentRun
+from ldcs_ros.simulation.run_starts import StartProfile
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 from ldcs_ros.twin.commands import Commands

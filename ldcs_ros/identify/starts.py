@@ -13,7 +13,7 @@ from ldcs_ros.simulation.command_directions import (
     force_slope,
 )
 from ldcs_ros.simulation.linear_model import mass_matrix, rest_factors, stiffness_and_damping
-from ldcs_ros.simulation.run_parameters import start_modes
+from ldcs_ros.simulation.run_starts import start_modes
 
 # Natural modes beside the shapes in which commands bend the sheet.
 MODES = 6

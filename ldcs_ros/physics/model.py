@@ -53,6 +53,7 @@ class Model:
         points: Named points, for effects that refer to them.
         effects: The effects, in the scene's order.
         material: Material of the springs, if they are not given by their stiffness.
+        like: A model whose terms serve this one, too, where nothing that they are made from differs.
     """
 
     def __init__(
@@ -61,6 +62,8 @@ class Model:
         points: dict[str, Point],
         effects: Sequence[Effect],
         material: Material | None = None,
+        *,
+        like: Model | None = None,
     ) -> None:
         self.lattice, self.points, self.effects = lattice, points, tuple(effects)
         assembly = Assembly(lattice, points, lattice.node_mass.copy(), material=material)
@@ -72,11 +75,13 @@ class Model:
         terms: dict[int, Term] = {}
         for index in order:
             try:
-                terms[index] = self.effects[index].bind(assembly)
+                shared = None if like is None else like.shared_term(self.effects, index, assembly)
+                terms[index] = shared or self.effects[index].bind(assembly)
             except ValueError as error:
                 raise ValueError(f"{error} @ effects[{index}]") from error
             assembly.node_mass = assembly.node_mass + terms[index].added_mass()
         self.terms = tuple(terms[index] for index in range(len(self.effects)))
+        self._assembly = assembly
         self.corotational = any(term.corotational for term in self.terms if term.name == "springs")
         self.relaxation_time = max((term.relaxation_time for term in self.terms), default=0.0)
         by_name = {term.name: term for term in self.terms}
@@ -91,6 +96,19 @@ class Model:
         self.n_coordinates = 3 * lattice.n_nodes + self.n_angles
         self._cut_out = coordinates(lattice.missing).ravel()
         self._find_free()
+
+    def shared_term(self, effects: Sequence[Effect], index: int, assembly: Assembly) -> Term | None:
+        """Return the term of an effect of another model if that is the same one, else None."""
+        own = self._assembly
+        if len(effects) != len(self.effects) or effects[index] != self.effects[index]:
+            return None
+        same_sheet = assembly.lattice is own.lattice and assembly.points is own.points
+        same_gravity = np.array_equal(assembly.gravity, own.gravity)
+        # Weight depends on the masses of the others.
+        same_mass = effects[index].name != "gravity" or np.array_equal(assembly.node_mass, own.node_mass)
+        if same_sheet and same_gravity and same_mass and assembly.material == own.material:
+            return self.terms[index]
+        return None
 
     def _find_free(self) -> None:
         is_free = np.ones(self.n_coordinates, dtype=bool)
@@ -194,9 +212,10 @@ class Model:
 
     def accelerate(self, time: float, q: np.ndarray, u: np.ndarray, inputs: HeldCommands) -> np.ndarray:
         """Return the accelerations of the free coordinates, M^-1 f, shape (n_free,)."""
-        return self._inverse_mass_times(q, self.force(time, q, u, inputs))
+        return self.inverse_mass_times(q, self.force(time, q, u, inputs))
 
-    def _inverse_mass_times(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
+    def inverse_mass_times(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Replace a force on the free coordinates by M(q)^-1 times it, shape (n_free,), and return it."""
         force[: self.n_free_nodes] /= self.mass
         blocks = self.inertia(q)
         if blocks is not None:
@@ -221,7 +240,7 @@ class Model:
         jump = self.force_jump(time, q, u, before, after)
         if not jump.any():
             return np.zeros(len(self.free))
-        return self._inverse_mass_times(q, jump[self.free])
+        return self.inverse_mass_times(q, jump[self.free])
 
     def damping_rate(self, motion: Motion, inputs: HeldCommands) -> float:
         """Return the rate at which a motion's amplitude decays, dissipated power / (4 kinetic energy) [1/s].

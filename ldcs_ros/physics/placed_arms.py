@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -56,8 +57,8 @@ class PlacedArm:
 
     def covered(
         self, links: int, width: int, lattice: Lattice
-    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Yield what the ribs of a straight arm cover: joint station, corners and their bilinear weights.
+    ) -> tuple[tuple[int, np.ndarray, np.ndarray], ...]:
+        """Return what the ribs of a straight arm cover: joint station, corners and their bilinear weights.
 
         The order is station (base, then the end of each link), row (the line, then pairs to its right and left),
         layer. Rows outside of the sheet are left out.
@@ -67,14 +68,7 @@ class PlacedArm:
             width: Rows on each side of the line.
             lattice: The lattice.
         """
-        dx, dy = self.direction
-        cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
-        across = [0, *(side * row for row in range(1, width + 1) for side in (-1, 1))]
-        for s, row, layer in product(range(links + 1), across, range(2)):
-            x = self.start[0] + (self.end[0] - self.start[0]) * s / links - dy * row * cell
-            y = self.start[1] + (self.end[1] - self.start[1]) * s / links + dx * row * cell
-            if lattice.covers(x, y):
-                yield s, *lattice.bilinear(layer, x, y)
+        return _covered(self.start, self.end, links, width, lattice)
 
     def check_holes(self, lattice: Lattice) -> None:
         """Check that the line crosses no hole of a lattice.
@@ -91,6 +85,23 @@ class PlacedArm:
                 raise ValueError(
                     f"arm {self.name!r} crosses a hole at x = {x:g}, y = {y:g} m, expected a line on the sheet"
                 ) from error
+
+
+# Scenes that differ in other numbers share it.
+@lru_cache(maxsize=64)
+def _covered(
+    start: tuple[float, float], end: tuple[float, float], links: int, width: int, lattice: Lattice
+) -> tuple[tuple[int, np.ndarray, np.ndarray], ...]:
+    dx, dy = PlacedArm("", start, end).direction
+    cell = abs(dy) * lattice.spacing[0] + abs(dx) * lattice.spacing[1]
+    across = [0, *(side * row for row in range(1, width + 1) for side in (-1, 1))]
+    found = []
+    for s, row, layer in product(range(links + 1), across, range(2)):
+        x = start[0] + (end[0] - start[0]) * s / links - dy * row * cell
+        y = start[1] + (end[1] - start[1]) * s / links + dx * row * cell
+        if lattice.covers(x, y):
+            found.append((s, *lattice.bilinear(layer, x, y)))
+    return tuple(found)
 
 
 def corners_in_use(weight: np.ndarray) -> list[int]:

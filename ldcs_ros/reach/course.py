@@ -17,7 +17,7 @@ from ldcs_ros.reach.reach import TargetCoordinate, Variable, commands_of, rest_c
 from ldcs_ros.reach.schedule import Entries, entries
 from ldcs_ros.scene.scene import Scene
 from ldcs_ros.simulation.command_directions import AXES
-from ldcs_ros.simulation.run_parameters import CommandProfile
+from ldcs_ros.simulation.run_commands import CommandProfile
 from ldcs_ros.simulation.simulation import Simulation
 from ldcs_ros.simulation.threads import one_thread
 

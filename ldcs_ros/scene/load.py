@@ -32,7 +32,7 @@ def load_scene(source: str | os.PathLike[str] | dict[str, Any]) -> Scene:
     """
     if isinstance(source, dict):
         content = plain_values(source, origin="the scene", error=SceneError)
-        return scene_of_content(content, write_yaml(content), name="scene")
+        return scene_of_content(content, None, name="scene")
     shipped = shipped_scenes()
     path = user_path(source)
     if str(source) in shipped:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -40,7 +39,8 @@ class Scene:
         sensors: Parameters of each sensor by name; empty means that none is computed.
         solver: Settings of the integration.
         material: Material of the sheet, if it is not given by mass, stiffness and damping.
-        text: The scene as YAML text, for bags.
+        values: The scene as plain values with the keys of a scene file; `content` is a copy.
+        source: The YAML text that it was read from; None if it was edited.
     """
 
     name: str
@@ -52,18 +52,22 @@ class Scene:
     sensors: dict[str, dict[str, Any]] = field(default_factory=dict)
     solver: Solver = Solver()
     material: Material | None = None
-    text: str = ""
+    values: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    source: str | None = field(default=None, compare=False, repr=False)
 
     @property
     def content(self) -> dict[str, Any]:
         """The scene as plain values with the keys of a scene file; a new copy at each access."""
-        return copy.deepcopy(self._content)
+        return {key: _copied(value) for key, value in self.values.items()}
 
     @cached_property
-    def _content(self) -> dict[str, Any]:
-        return schema.CHECKS.keys(
-            read_yaml(self.text, origin=self.name, error=SceneError), schema.TOP_KEYS, ""
-        )
+    def text(self) -> str:
+        """The scene as YAML text, for bags."""
+        return write_yaml(self.values) if self.source is None else self.source
+
+    def has_same(self, content: Mapping[str, object], keys: Iterable[str]) -> bool:
+        """Return whether a content has the scene's values, of the same types, at some top-level keys."""
+        return all(repr(content.get(key)) == repr(self.values.get(key)) for key in keys)
 
     def edited(self, changes: Mapping[str, object] | None = None, /, **keys: object) -> Scene:
         """Return a checked scene with other values at some paths, under the same name.
@@ -84,9 +88,9 @@ class Scene:
                 remove_value(content, path)
             else:
                 put_value(content, path, plain_values(value, origin=path, error=SceneError))
-        for line in carry_places(self.content, content):
+        for line in carry_places(self.values, content):
             warnings.warn(f"{self.name}: {line}", stacklevel=2)
-        return _checked_scene(content, write_yaml(content), self.name, self.name) if changed else self
+        return _checked_scene(content, None, self.name, self.name, like=self) if changed else self
 
     # Any: the fields of an effect are those of the class of that name.
     def effect(self, name: str) -> Any:
@@ -142,6 +146,12 @@ class Scene:
         return Simulation(self)
 
 
+def _copied(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value
+
+
 def parse_scene(text: str, *, name: str, origin: str) -> Scene:
     """Return the scene of a YAML text; `origin` names the source in errors.
 
@@ -151,9 +161,11 @@ def parse_scene(text: str, *, name: str, origin: str) -> Scene:
     return _checked_scene(read_yaml(text, origin=origin, error=SceneError), text, name, origin)
 
 
-def _checked_scene(content: object, text: str, name: str, origin: str) -> Scene:
+def _checked_scene(
+    content: object, source: str | None, name: str, origin: str, *, like: Scene | None = None
+) -> Scene:
     try:
-        return scene_of_content(content, text, name=name)
+        return scene_of_content(content, source, name=name, like=like)
     except SceneError as error:
         message = str(error)
         raise SceneError(
@@ -161,16 +173,26 @@ def _checked_scene(content: object, text: str, name: str, origin: str) -> Scene:
         ) from error
 
 
-def scene_of_content(content: object, text: str, *, name: str) -> Scene:
-    """Return the scene of plain values and of the text that says the same.
+def scene_of_content(content: object, source: str | None, *, name: str, like: Scene | None = None) -> Scene:
+    """Return the scene of plain values, which it keeps.
+
+    Args:
+        content: The plain values.
+        source: The text that they were read from, if any.
+        name: Name of the scene.
+        like: A scene that shares its sheet and points with this one, where both say the same of them.
 
     Raises:
         SceneError: The content is not a valid scene.
     """
     block = schema.CHECKS.keys(content, schema.TOP_KEYS, "", required=("lattice", "effects"))
-    material = schema.check_material(block["material"], "material") if "material" in block else None
-    lattice = schema.check_lattice(block["lattice"], material, "lattice")
-    points = schema.check_points(block.get("points", {}), lattice, "points")
+    sheet = ("lattice", "material", "points")
+    if like is not None and like.has_same(block, sheet):
+        material, lattice, points = like.material, like.lattice, like.points
+    else:
+        material = schema.check_material(block["material"], "material") if "material" in block else None
+        lattice = schema.check_lattice(block["lattice"], material, "lattice")
+        points = schema.check_points(block.get("points", {}), lattice, "points")
     return Scene(
         name=name,
         title=schema.CHECKS.text(block.get("title", name), "title"),
@@ -181,5 +203,6 @@ def scene_of_content(content: object, text: str, *, name: str) -> Scene:
         sensors=schema.check_sensors(block.get("sensors", {}), lattice, points, "sensors"),
         solver=schema.check_solver(block["solver"], "solver") if "solver" in block else Solver(),
         material=material,
-        text=text,
+        values=block,
+        source=source,
     )

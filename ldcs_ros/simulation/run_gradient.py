@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import linalg as sparse_linalg
 
 from ldcs_ros.integrators.base import Step
 from ldcs_ros.integrators.esdirk43 import Esdirk43
-from ldcs_ros.integrators.implicit.linearisation import Linearisation, solve_stage
 from ldcs_ros.integrators.implicit.system import Factors
-from ldcs_ros.integrators.implicit.tangents import Tangents
+from ldcs_ros.integrators.implicit.tangents import EquationChoice, Tangents, stage_motions
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.units import TIME_TOLERANCE
@@ -122,10 +120,9 @@ class _Backward:
     def __init__(self, simulation: Followed, at: OperatingPoint, kept: Sequence[_Kept]) -> None:
         assert isinstance(simulation.integrator, Esdirk43)
         self._model, self._tableau = simulation.model, simulation.integrator.tableau
-        self._linearisation = Linearisation(self._model)
         free = len(self._model.free)
         self._q, self._u, self._a = np.zeros(free), np.zeros(free), np.zeros(free)
-        self._weight = np.ones(free)
+        self._equations = EquationChoice(simulation.integrator, np.ones(free))
         self._commands = _CommandGradient(at)
 
     def pass_step(self, one: _Kept, looks: Sequence[tuple[float, np.ndarray]]) -> None:
@@ -148,30 +145,26 @@ class _Backward:
                 gradient + weight * row
                 for gradient, weight in zip((self._q, self._u, self._a), part[3:], strict=True)
             )
-        by_q, by_u, by_a = (np.zeros((n_stages, len(free))) for _ in range(3))
+        by_q, by_u, by_a = np.zeros((3, n_stages, len(free)))
         by_q[-1], by_u[-1], by_a[-1] = self._q, self._u, self._a
-        rates = self._rates(one, h)
+        times, q, u = stage_motions(model, tableau, step, one.accelerations)
+        equations = self._equations.under(one.held)
         pushes: list[tuple[float, np.ndarray]] = []
         contraction = 1.0
         for i in range(n_stages - 1, 0, -1):
-            time, row = left.time + tableau.c[i] * h, h * tableau.a[i, :i]
-            q, u = left.q.copy(), left.u.copy()
-            q[free] = left.q[free] + row @ rates[:i] + rate_step * rates[i]
-            u[free] = rates[i]
-            model.prescribe(time, q, u)
-            matrices = self._linearisation.at(time, q, u, one.accelerations[i], one.held)
-            position, rate, _ = (matrix.to_scipy().T for matrix in matrices)
-            turned = self._linearisation.stage(matrices, rate_step).transposed()
+            instant = times[i], q[i], u[i]
+            row = h * tableau.a[i, :i]
+            equations.linearise(*instant, one.accelerations[i], one.held)
             by_rate = by_u[i] + rate_step * by_q[i]
-            right = (by_a[i] + rate_step * by_rate)[:, None]
-            still = np.zeros_like(right)
-            solution, contraction = solve_stage(
-                turned, one.factors[i - 1].transposed(), right, still, self._weight, SOLVED, contraction
+            right = (by_a[i] + rate_step * by_rate)[None]
+            push = np.zeros_like(right)
+            contraction = equations.solve(
+                one.factors[i - 1], rate_step, right, push, SOLVED, contraction, transposed=True
             )
-            push = solution[:, 0]
-            pushes.append((time, self._commands.slopes(time, q, u, one.held, push)))
-            known_q = by_q[i] + position @ push
-            known_u = by_rate + rate_step * (position @ push) + rate @ push
+            pushes.append((times[i], self._commands.slopes(*instant, one.held, push[0])))
+            by_position, by_speed = equations.transposed(push[0])
+            known_q = by_q[i] + by_position
+            known_u = by_rate + rate_step * by_position + by_speed
             start_q += known_q
             start_u += known_u
             by_u[:i] += row[:, None] * known_q
@@ -179,25 +172,15 @@ class _Backward:
         start_u += by_u[0]
         start_a += by_a[0]
         if one.jumped:
-            position, rate, mass = (
-                matrix.to_scipy()
-                for matrix in self._linearisation.at(left.time, left.q, left.u, left.a, one.held)
-            )
-            push = sparse_linalg.spsolve(mass.T.tocsc(), start_a)
-            pushes.append((left.time, self._commands.slopes(left.time, left.q, left.u, one.held, push)))
-            start_q += position.T @ push
-            start_u += rate.T @ push
+            equations.linearise(left.time, left.q, left.u, left.a, one.held)
+            last_push = model.inverse_mass_times(left.q, start_a.copy())
+            pushes.append((left.time, self._commands.slopes(left.time, left.q, left.u, one.held, last_push)))
+            by_position, by_speed = equations.transposed(last_push)
+            start_q += by_position
+            start_u += by_speed
             start_a = np.zeros_like(start_a)
         self._commands.pass_step(step, one.held, pushes)
         self._q, self._u, self._a = start_q, start_u, start_a
-
-    def _rates(self, one: _Kept, h: float) -> np.ndarray:
-        tableau, free = self._tableau, self._model.free
-        rates = np.tile(one.step.left.u[free], (len(tableau.c), 1))
-        for i in range(1, len(rates)):
-            rates[i] += h * tableau.a[i, :i] @ one.accelerations[:i]
-            rates[i] += tableau.diagonal * h * one.accelerations[i]
-        return rates
 
     def by_command(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
         """Return names of commands, their times, and the gradient, shape (n_times, n_commands)."""
@@ -234,6 +217,7 @@ class _CommandGradient:
             self._acting.append(self._times[-1] + late)
         self._values = [np.zeros(len(times)) for times in self._times]
         self._pending = np.zeros(len(self._commands))
+        self._constant: dict[int, np.ndarray] = {}
 
     def slopes(
         self, time: float, q: np.ndarray, u: np.ndarray, held: HeldCommands, push: np.ndarray
@@ -241,8 +225,14 @@ class _CommandGradient:
         """Return the gradient by each command that acts at an instant, from that by the force."""
         found = np.zeros(len(self._commands))
         for k, one in enumerate(self._commands):
-            jump = self._model.force_jump(time, q, u, one.apply(held, 0.0), one.apply(held, one.step))
-            found[k] = push @ jump[self._model.free] / one.step
+            slope = self._constant.get(k)
+            if slope is None:
+                jump = self._model.force_jump(time, q, u, one.apply(held, 0.0), one.apply(held, one.step))
+                slope = jump[self._model.free] / one.step
+                if not one.name.startswith("wrench."):
+                    # The arms' torques do not depend on the motion.
+                    self._constant[k] = slope
+            found[k] = push @ slope
         return found
 
     def pass_step(self, step: Step, held: HeldCommands, pushes: Sequence[tuple[float, np.ndarray]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 from scipy.sparse import linalg as sparse_linalg
@@ -15,17 +16,12 @@ from ldcs_ros.integrators.implicit.tangents import Tangents, TangentSteps
 from ldcs_ros.physics.inputs import HeldCommands
 from ldcs_ros.physics.points import point_at
 from ldcs_ros.schema.units import TIME_TOLERANCE
-from ldcs_ros.simulation.command_directions import AXES
+from ldcs_ros.simulation.command_directions import AXES, KINDS
 from ldcs_ros.simulation.follower import Followed
 from ldcs_ros.simulation.linear_model import mass_matrix, rest_factors, stiffness_and_damping
-from ldcs_ros.simulation.run_parameters import (
-    CommandColumns,
-    CommandProfile,
-    NumberColumn,
-    StartColumns,
-    StartProfile,
-    is_command,
-)
+from ldcs_ros.simulation.run_commands import CommandColumns, CommandProfile
+from ldcs_ros.simulation.run_numbers import NumberColumn
+from ldcs_ros.simulation.run_starts import StartColumns, StartProfile
 from ldcs_ros.simulation.scene_number import SceneNumber
 from ldcs_ros.simulation.sensitivity import position_slopes, positions
 
@@ -166,8 +162,8 @@ class TangentRun:
             at = replace(at, now=at.held)
         own_start = at.time == 0.0 and np.array_equal(at.q, model.reference_state()[0])
         fresh = (own_start or settled) and not inputs.overridden
-        commands = [name for name in to if is_command(name)]
-        others = [name for name in to if isinstance(name, str) and not is_command(name)]
+        commands = [name for name in to if _is_command(name)]
+        others = [name for name in to if isinstance(name, str) and not _is_command(name)]
         profiles = [one for one in to if isinstance(one, StartProfile)]
         if inputs.overridden and any(isinstance(one, CommandProfile) or "@" in one for one in commands):
             raise ValueError("commands of the schedule: got a simulation that was commanded otherwise")
@@ -237,7 +233,7 @@ class TangentRun:
         q, u = motion.q, motion.u
         by_q, by_u = stiffness_and_damping(self._model, motion.time, q, u, held)
         mass = mass_matrix(self._model, q)
-        forces = self._forces(motion.time, q, u, motion.a)
+        forces = self._forces_at(motion.time, q, u, motion.a)
         forces[:, : self._n_commands] = self._commands.unit_forces(motion.time, q, u)
         # One implicit Euler step: long for a force that lasts, short for a push that dampers take away.
         start_q, start_u = self._start
@@ -251,17 +247,22 @@ class TangentRun:
         motion = self._end
         q, u = self._rest, np.zeros_like(motion.u)
         by_q, _ = stiffness_and_damping(self._model, motion.time, q, u, held)
-        forces = self._forces(motion.time, q, u, np.zeros(len(self._model.free)))
+        forces = self._forces_at(motion.time, q, u, np.zeros(len(self._model.free)))
         return -np.asarray(rest_factors(by_q).solve(forces))
 
-    def _forces(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
-        result = np.zeros((len(self._model.free), len(self._columns)))
+    def _forces(self, times: np.ndarray, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
+        result = np.zeros((len(self._columns), len(times), len(self._model.free)))
         own = self._columns[self._columns < self._n_commands]
-        result[:, : len(own)] = self._commands.forces(time, q, u)[:, own]
-        shared: dict[tuple[object, ...], np.ndarray] = {}
-        for k, column in enumerate(self._numbers, len(own)):
-            result[:, k] = column.force(time, q, u, a, shared)
-        return result
+        if own.size:
+            for k, instant in enumerate(zip(times, q, u, strict=True)):
+                result[: len(own), k] = self._commands.forces(*instant).T[own]
+        for column, slopes in zip(self._numbers, result[len(own) :], strict=False):
+            column.fill_forces(times, q, u, a, slopes)
+        return np.ascontiguousarray(result.transpose(1, 0, 2))
+
+    def _forces_at(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return the forces at one instant, shape (n_free, k)."""
+        return self._forces(np.array([time]), q[None], u[None], a[None])[0].T
 
     def longest_step(self, step: Step, held: HeldCommands) -> float:
         """Carry the tangents over a step; return the longest step that they allow [s]."""
@@ -279,7 +280,7 @@ class TangentRun:
         else:
             assert before is not None
             start = Tangents(q[:, begun], u[:, begun], before.a[:, begun])
-        decay = max(self._model.damping_rate(left, held), 0.1)
+        decay = max(self._run.integrator.damping_rate(left, held), 0.1)
         allowed = LOCAL_SHARE * self._accuracy / DISPLACEMENT * min(1.0, decay * h)
         scale = np.maximum(self._largest[begun], self._steps.size(start.q))
         solved = TIGHTLY_SOLVED if self._tight else SOLVED_SHARE * allowed
@@ -342,3 +343,8 @@ def _rank(name: str, to: Sequence[str | CommandProfile | StartProfile]) -> int:
         if same_time and (own == kind or own.startswith(f"{kind}.")):
             return k
     return len(to)
+
+
+def _is_command(name: str | CommandProfile | StartProfile) -> TypeGuard[str | CommandProfile]:
+    """Return whether a name is that of a command."""
+    return isinstance(name, CommandProfile) or (isinstance(name, str) and name.partition(".")[0] in KINDS)

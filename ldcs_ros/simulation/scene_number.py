@@ -52,7 +52,7 @@ class SceneNumber:
         """
         try:
             other = self._scene.edited({self.path: self.value + by})
-            model = Model(other.lattice, other.points, other.effects, other.material)
+            model = Model(other.lattice, other.points, other.effects, other.material, like=self._model)
         except Exception as error:
             raise ValueError(f"{self.path} cannot be changed by {by:g}: {error}") from error
         if model.free.tolist() != self._model.free.tolist():

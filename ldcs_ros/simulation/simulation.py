@@ -32,8 +32,8 @@ from ldcs_ros.simulation.threads import one_thread
 if TYPE_CHECKING:
     # Loaded when they are asked for.
     from ldcs_ros.simulation.equilibrium import Equilibrium
+    from ldcs_ros.simulation.run_commands import CommandProfile
     from ldcs_ros.simulation.run_gradient import RunGradient
-    from ldcs_ros.simulation.run_parameters import CommandProfile
     from ldcs_ros.simulation.run_sensitivity import RunSensitivity
     from ldcs_ros.simulation.stability import Stability
     from ldcs_ros.tables.run import Run

@@ -20,6 +20,8 @@ from ldcs_ros.integrators.implicit import (
 )
 from ldcs_ros.integrators.implicit.banded import Band
 from ldcs_ros.integrators.implicit.block_tridiagonal import BlockTridiagonal
+from ldcs_ros.integrators.implicit.linear_kernel import LinearKernel
+from ldcs_ros.integrators.implicit.linearisation import Linearisation
 from ldcs_ros.integrators.implicit.nested_dissection import Dissection
 from ldcs_ros.integrators.implicit.system import LinearSystem
 from ldcs_ros.physics.kernels.manifold_step import fill_projection, manifold_step
@@ -188,7 +190,7 @@ def test_stages_at_once_are_the_effects_called_one_by_one(make):
             nodes = slice(0, 3 * run.lattice.n_nodes)
             run.start_from(q[nodes].reshape(-1, 3), 3.0 * u[nodes].reshape(-1, 3))
         run.advance_to(0.012)
-    assert runs[0].integrator.is_compiled
+    assert runs[0].integrator.kernel is not None
     assert np.abs(runs[0].state.position - runs[1].state.position).max() < 1e-9
     for name in ("steps", "rejected_steps", "evaluations", "factorisations", "solves"):
         assert getattr(runs[0].statistics, name) == getattr(runs[1].statistics, name), name
@@ -442,3 +444,34 @@ def test_a_projection_is_the_mean_and_its_components_by_features_and_distances()
     expected = (features @ fractions - far @ differences) @ components[:k] + components[k]
     # Single precision, of sums whose terms reach some tens.
     np.testing.assert_allclose(found, expected, atol=2e-4)
+
+
+@pytest.mark.parametrize("effects", [(), (DRAG, FLOOR)], ids=["arms", "arms, drag, floor"])
+def test_compiled_stage_equations_are_those_of_the_matrices(effects):
+    simulation = sheet(*effects)
+    model, held = simulation.model, simulation.inputs.held()
+    q, u, random = moved(simulation)
+    n, h = len(model.free), 2e-3
+    a, vectors = random.normal(size=n), random.normal(size=(3, 2, n))
+    exact = Linearisation(model, np.ones(n))
+    kernel = LinearKernel(simulation.integrator.kernel, exact)
+    matrices = exact.at(0.0, q, u, a, held)
+    position, rate, mass = (matrix.to_scipy().toarray() for matrix in matrices)
+    stage = mass - h * rate - h * h * position
+    kernel.linearise(0.0, q, u, a, held)
+    found = np.zeros((2, n))
+    kernel.balance(*vectors, found)
+    expected = (position @ vectors[0].T + rate @ vectors[1].T - mass @ vectors[2].T).T
+    np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+    for product, matrix in zip(kernel.transposed(vectors[0, 0]), (position, rate), strict=True):
+        expected = matrix.T @ vectors[0, 0]
+        np.testing.assert_allclose(product, expected, atol=1e-11 * np.abs(expected).max())
+    system = simulation.integrator.kernel.system
+    factors = system.factor(0.0, q, u, held, h, corotated=True)
+    factors = system.turn(factors, 0.0, q, u, held, h)
+    for transposed, matrix in ((False, stage), (True, stage.T)):
+        solution = np.zeros((2, n))
+        contraction = kernel.solve(factors, h, vectors[0].copy(), solution, 1e-8, 1.0, transposed=transposed)
+        expected = np.linalg.solve(matrix, vectors[0].T).T
+        assert 0.0 < contraction <= 1.0
+        np.testing.assert_allclose(solution, expected, atol=1e-6 * np.abs(expected).max())

@@ -132,9 +132,9 @@ class Dirk(Integrator):
         self._contact_width = min(term.contact_width for term in self.model.terms)
 
     @property
-    def is_compiled(self) -> bool:
-        """Whether compiled code knows all effects of the model and solves the stages."""
-        return self._compiled is not None
+    def kernel(self) -> DirkKernel | None:
+        """The compiled code that solves the stages; None where it does not know all effects of the model."""
+        return self._compiled
 
     def call_effects_one_by_one(self) -> None:
         """Solve stages without compiled code for the whole of them, as scenes do that it does not cover."""

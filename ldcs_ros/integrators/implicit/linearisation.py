@@ -94,10 +94,11 @@ class Linearisation:
 
     Args:
         model: The model.
+        weight: Weight of each coordinate's square in norms, shape (n_free,).
     """
 
-    def __init__(self, model: Model) -> None:
-        self._model = model
+    def __init__(self, model: Model, weight: np.ndarray) -> None:
+        self._model, self.weight = model, weight
         n, first = len(model.free), model.n_free_nodes
         rows, columns = model.jacobian_pattern
         self._used = np.flatnonzero((rows >= 0) & (columns >= 0))
@@ -118,6 +119,49 @@ class Linearisation:
         self._columns = (pattern % n).astype(np.int32)
         self._starts = np.searchsorted(pattern // n, np.arange(n + 1)).astype(np.int32)
         self._links = links
+        self._matrices: tuple[SparseMatrix, SparseMatrix, SparseMatrix]
+
+    def linearise(self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray, held: HeldCommands) -> None:
+        """Take K = d(f - M a)/dq, C = df/du and M at a motion, for what follows."""
+        self._matrices = self.at(time, q, u, a, held)
+
+    def balance(self, q: np.ndarray, u: np.ndarray, a: np.ndarray, result: np.ndarray) -> None:
+        """Add K q + C u - M a to each row of a result, shape (k, n_free) each."""
+        add_balance(self._matrices, q.T, u.T, a.T, result.T)
+
+    def transposed(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return K^T y and C^T y, shape (n_free,) each."""
+        position, rate, _ = (matrix.to_scipy().T for matrix in self._matrices)
+        return position @ y, rate @ y
+
+    def solve(
+        self,
+        factors: Factors,
+        rate_step: float,
+        left_over: np.ndarray,
+        guess: np.ndarray,
+        relative: float,
+        contraction: float,
+        *,
+        transposed: bool = False,
+    ) -> float:
+        """Solve W x = right, or W^T x = right, for each row; the guess becomes the solution. See `solve_stage`."""
+        matrix = self.stage(self._matrices, rate_step)
+        if transposed:
+            matrix, factors = matrix.transposed(), factors.transposed()
+        found, contraction = solve_stage(
+            matrix, factors, left_over.T, guess.T, self.weight, relative, contraction
+        )
+        guess[:] = found.T
+        return contraction
+
+    def solve_exactly(
+        self, rate_step: float, left_over: np.ndarray, guess: np.ndarray, *, transposed: bool
+    ) -> float:
+        """Add W^-1 left_over, or W^-T left_over, to a guess, shape (k, n_free) each; return the contraction 1."""
+        matrix = self.stage(self._matrices, rate_step).to_scipy()
+        guess += sparse_linalg.splu((matrix.T if transposed else matrix).tocsc()).solve(left_over.T).T
+        return 1.0
 
     def at(
         self, time: float, q: np.ndarray, u: np.ndarray, a: np.ndarray, held: HeldCommands

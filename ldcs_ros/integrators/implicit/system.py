@@ -146,6 +146,11 @@ class Factors:
         return self if not self.turns.size else self.turned(self.turns[::-1], self._scale)
 
     @property
+    def scale(self) -> float:
+        """The factor on the solution."""
+        return self._scale
+
+    @property
     def parts(
         self,
     ) -> tuple[BandFactors | BlockFactors | DissectionFactors, np.ndarray, np.ndarray, np.ndarray]:

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ldcs_ros.integrators.base import Step
 from ldcs_ros.integrators.implicit.esdirk import RATE_SHARE, Dirk
-from ldcs_ros.integrators.implicit.linearisation import Linearisation, add_balance, solve_stage
+from ldcs_ros.integrators.implicit.linearisation import Linearisation
+from ldcs_ros.integrators.tableaux import Tableau
 from ldcs_ros.physics.inputs import HeldCommands
+from ldcs_ros.physics.model import Model
 
-# d(f - M a)/dp of all columns at fixed free coordinates, rates and accelerations, shape (n_free, k).
-ForceTangents = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+if TYPE_CHECKING:
+    from ldcs_ros.integrators.implicit.linear_kernel import LinearKernel
+
+# d(f - M a)/dp of all columns at instants: times, coordinates, rates and free accelerations, a row each; returns shape
+# (n_instants, k, n_free).
+ForceTangents = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,29 @@ def _quartic(
     )
 
 
+class EquationChoice:
+    """The stages' linear equations: compiled ones where they serve.
+
+    Args:
+        integrator: The method.
+        weight: Weight of each coordinate's square in norms, shape (n_free,).
+    """
+
+    def __init__(self, integrator: Dirk, weight: np.ndarray) -> None:
+        self._kernel = integrator.kernel
+        self._sparse = Linearisation(integrator.model, weight)
+        self._compiled: LinearKernel | None = None
+        if self._kernel is not None:
+            from ldcs_ros.integrators.implicit.linear_kernel import LinearKernel
+
+            self._compiled = LinearKernel(self._kernel, self._sparse)
+
+    def under(self, held: HeldCommands) -> Linearisation | LinearKernel:
+        """Return the equations under held commands; a wrench that rotates with the sheet has no compiled ones."""
+        is_covered = self._kernel is not None and self._kernel.force.steady(held) is not None
+        return self._compiled if is_covered and self._compiled is not None else self._sparse
+
+
 class TangentSteps:
     """Carries tangents over the steps of an ESDIRK method.
 
@@ -78,18 +108,20 @@ class TangentSteps:
 
     def __init__(self, integrator: Dirk) -> None:
         self._integrator, self._model = integrator, integrator.model
-        self._linearisation = Linearisation(self._model)
         self.reach = np.ones(len(self._model.free))
         self.reach[self._model.n_free_nodes :] = self._model.lattice.size[0]
+        self._equations = EquationChoice(integrator, self.reach**2)
 
     def at_start(
         self, step: Step, held: HeldCommands, q: np.ndarray, u: np.ndarray, forces: ForceTangents
     ) -> Tangents:
         """Return the tangents at the start of a step, the accelerations by the equation of motion."""
         left, model = step.left, self._model
-        by_q, by_u, _ = self._linearisation.at(left.time, left.q, left.u, left.a, held)
-        force = forces(left.time, left.q, left.u, left.a) + by_q @ q + by_u @ u
-        n = model.n_free_nodes
+        equations = self._equations.under(held)
+        equations.linearise(left.time, left.q, left.u, left.a, held)
+        (rows,) = forces(np.array([left.time]), left.q[None], left.u[None], left.a[None])
+        equations.balance(_rows(q), _rows(u), np.zeros(rows.shape), rows)
+        force, n = rows.T, model.n_free_nodes
         force[:n] /= model.mass[:, None]
         blocks = model.inertia(left.q)
         if blocks is not None:
@@ -114,50 +146,46 @@ class TangentSteps:
             step: The step.
             held: The commands during it.
             start: The tangents at its start.
-            forces: d(f - M a)/dp at an instant.
+            forces: d(f - M a)/dp at instants.
             tolerance: Error of each column below which its estimate is not refined, shape (k,).
             solved: Error that a stage's linear equation may keep, relative to its solution.
 
         Returns:
             The tangents, and the estimated error of each column's positions, shape (k,), an angle as its arm's tip.
         """
-        model, tableau, left = self._model, self._integrator.tableau, step.left
+        tableau = self._integrator.tableau
         stages, factors = self._integrator.last_stages
-        h, free, n_stages = step.right.time - left.time, model.free, len(tableau.c)
-        rate_step = tableau.diagonal * h
-        rates, bends = np.empty((n_stages, *start.q.shape)), np.empty((n_stages, *start.q.shape))
-        rates[0], bends[0] = start.u, start.a
-        own_rates = np.empty((n_stages, len(free)))
-        own_rates[0] = left.u[free]
-        weight = self.reach**2
-        end_q, contraction = start.q, 1.0
+        h, n_stages = step.right.time - step.left.time, len(tableau.c)
+        rate_step, shape = tableau.diagonal * h, start.q.T.shape
+        times, q, u = stage_motions(self._model, tableau, step, stages)
+        left_over = forces(times[1:], q[1:], u[1:], stages[1:])
+        rates, bends = np.empty((n_stages, *shape)), np.empty((n_stages, *shape))
+        start_q, rates[0], bends[0] = _rows(start.q), start.u.T, start.a.T
+        end_q, contraction, equations = start_q, 1.0, self._equations.under(held)
         for i in range(1, n_stages):
-            time, row = left.time + tableau.c[i] * h, h * tableau.a[i, :i]
-            own_rates[i] = left.u[free] + row @ stages[:i] + rate_step * stages[i]
-            q, u = left.q.copy(), left.u.copy()
-            q[free] = left.q[free] + row @ own_rates[:i] + rate_step * own_rates[i]
-            u[free] = own_rates[i]
-            model.prescribe(time, q, u)
-            matrices = _, by_u, mass = self._linearisation.at(time, q, u, stages[i], held)
-            matrix = self._linearisation.stage(matrices, rate_step)
-            known_q = start.q + np.tensordot(row, rates[:i], 1)
-            known_u = start.u + np.tensordot(row, bends[:i], 1)
-            guess = self._guess(bends, tableau.c, i)
-            left_over, guessed_rate = forces(time, q, u, stages[i]), known_u + rate_step * guess
-            add_balance(matrices, known_q + rate_step * guessed_rate, guessed_rate, guess, left_over)
-            bends[i], contraction = solve_stage(
-                matrix, factors[i - 1], left_over, guess, weight, solved, contraction
+            row = h * tableau.a[i, :i]
+            equations.linearise(times[i], q[i], u[i], stages[i], held)
+            known_q, known_u = start_q + _combined(row, rates), rates[0] + _combined(row, bends)
+            bends[i] = self._guess(bends, tableau.c, i)
+            guessed_rate = known_u + rate_step * bends[i]
+            equations.balance(known_q + rate_step * guessed_rate, guessed_rate, bends[i], left_over[i - 1])
+            contraction = equations.solve(
+                factors[i - 1], rate_step, left_over[i - 1], bends[i], solved, contraction
             )
-            rates[i] = known_u + rate_step * bends[i]
+            np.multiply(rate_step, bends[i], out=rates[i])
+            rates[i] += known_u
             end_q = known_q + rate_step * rates[i]
-        end = Tangents(end_q, rates[-1], bends[-1])
-        defect = h * np.tensordot(tableau.error_weights, rates, 1)
-        rate_defect = h * np.tensordot(tableau.error_weights, bends, 1)
-        error = self.size(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)))
+        end = Tangents(end_q.T, rates[-1].T, bends[-1].T)
+        defect = _combined(h * tableau.error_weights, rates)
+        rate_defect = _combined(h * tableau.error_weights, bends)
+        error = self.size(np.maximum(np.abs(defect), RATE_SHARE * h * np.abs(rate_defect)).T)
         if (error > tolerance).any():
             # Shampine's filter, as in the step itself: what stiff parts have forgotten at its end does not count.
-            known = mass @ (defect + rate_step * rate_defect) - rate_step * (by_u @ defect)
-            error = np.minimum(error, self.size(factors[-1].solve(known)))
+            # `known` is M (defect + h g rate_defect) - h g C defect.
+            known = np.zeros(shape)
+            still = np.zeros(shape)
+            equations.balance(still, -rate_step * defect, -(defect + rate_step * rate_defect), known)
+            error = np.minimum(error, self.size(factors[-1].solve(known.T)))
         return end, error
 
     def size(self, values: np.ndarray) -> np.ndarray:
@@ -174,3 +202,36 @@ class TangentSteps:
         if c[near] == c[far]:
             return np.asarray(bends[near])
         return np.asarray(bends[near] + (c[i] - c[near]) / (c[near] - c[far]) * (bends[near] - bends[far]))
+
+
+def stage_motions(
+    model: Model, tableau: Tableau, step: Step, accelerations: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times of the start and the stages of a step, and coordinates and rates, shape (n_stages, n_coordinates).
+
+    Args:
+        model: The model.
+        tableau: The method's.
+        step: The step.
+        accelerations: Of the free coordinates at start and stages, shape (n_stages, n_free).
+    """
+    left, free = step.left, model.free
+    h, n_stages = step.right.time - left.time, len(tableau.c)
+    weights = h * tableau.a
+    times, rates = left.time + tableau.c * h, left.u[free] + weights @ accelerations
+    q, u = np.tile(left.q, (n_stages, 1)), np.tile(left.u, (n_stages, 1))
+    q[:, free] += weights @ rates
+    u[:, free] = rates
+    for instant in zip(times, q, u, strict=True):
+        model.prescribe(*instant)
+    return times, q, u
+
+
+def _rows(columns: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(columns.T)
+
+
+def _combined(weights: np.ndarray, stages: np.ndarray) -> np.ndarray:
+    # A product of matrices: a tenth of the time of np.tensordot.
+    n = len(weights)
+    return np.asarray(weights @ stages[:n].reshape(n, -1)).reshape(stages.shape[1:])
