@@ -31,7 +31,9 @@ class DriveResponse:
     def __init__(self, model: Model, motion: Motion, held: HeldCommands, patterns: np.ndarray) -> None:
         self._model = model
         still = np.zeros_like(motion.u)
-        matrices = Linearisation(model, np.ones(len(model.free))).at(motion.time, motion.q, still, motion.a, held)
+        matrices = Linearisation(model, np.ones(len(model.free))).at(
+            motion.time, motion.q, still, motion.a, held
+        )
         self._by_q, self._by_u, self._mass = (matrix.to_scipy().tocsc() for matrix in matrices)
         forces = [
             model.force_jump(motion.time, motion.q, still, NO_INPUTS, HeldCommands(curve=constant_curve(one)))
