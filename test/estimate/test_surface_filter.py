@@ -105,7 +105,8 @@ def test_normalised_innovations_lie_in_their_band(course):
 
 def test_it_runs_in_real_time_with_margin(course):
     _, run = course
-    assert np.mean(run.cost) < 0.5 * TICK
+    # The first calls may compile kernels.
+    assert np.mean(run.cost[20:]) < 0.5 * TICK
 
 
 def test_a_single_wild_measurement_is_left_out_and_a_lasting_change_is_not():
