@@ -22,8 +22,8 @@ from ldcs_ros.simulation.threads import one_thread
 TOLERANCE = 2e-5  # of an iteration, displacement of all nodes together [m]
 MOST_ITERATIONS = 20
 LEADING = 10  # coordinates that the quadratic part of the projection depends on
-PLACES = 3000  # shapes at which it is computed
-COMPONENTS = 60  # stiff coordinates have small entries and large forces: 24 leave errors of a millimetre
+PLACES = 2000  # shapes at which it is computed
+COMPONENTS = 48  # stiff coordinates have small entries and large forces: 24 leave errors of a millimetre
 SMOOTHING = 1e-4
 RANK = 1e-12  # of the largest eigenvalue of the components: below it is rounding
 FORGETTING = 0.1  # s: time constant of the error that the steps leave
