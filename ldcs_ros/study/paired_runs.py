@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -85,14 +86,28 @@ def paired_runs(task: Task) -> list[Row]:
     costs = {here: math.inf, other: math.inf}
     for _ in range(task.runs):
         for checkout in costs:
-            costs[checkout] = min(costs[checkout], _cpu_time(checkout, task.scene, task.value, sent))
+            costs[checkout] = min(costs[checkout], cpu_time(checkout, task.scene, task.value, sent, SPAN))
     known, _ = _looked_at(task.scene, task.value, sent, REFERENCE)
     motion, simulation = _looked_at(task.scene, task.value, sent, ACCURACY)
     row = task.row().counted(simulation.statistics).compared(motion, known, costs[here], SPAN)
     return [replace(row, extra=f"other {costs[other] / SPAN:.6g}")]
 
 
-def _cpu_time(checkout: Path, scene: str, rate: float, sent: list[float]) -> float:
+def cpu_time(
+    checkout: Path, scene: str | dict[str, Any], rate: float, sent: list[float], span: float
+) -> float:
+    """Return the CPU time of a run in a process of a checkout [s].
+
+    Args:
+        checkout: Folder of the checkout.
+        scene: Name of a scene that it ships, or a scene's content.
+        rate: Rate of the commands [Hz].
+        sent: Commands, one after another [Pa or N m].
+        span: Simulated time [s].
+
+    Raises:
+        RuntimeError: The process failed; the message is its last line.
+    """
     environment = {
         **os.environ,
         "PYTHONPATH": str(checkout),
@@ -101,7 +116,7 @@ def _cpu_time(checkout: Path, scene: str, rate: float, sent: list[float]) -> flo
     }
     done = subprocess.run(
         [sys.executable, "-c", WORKER],
-        input=json.dumps([scene, rate, sent, SPAN]),
+        input=json.dumps([scene, rate, sent, span]),
         cwd=checkout,
         env=environment,
         capture_output=True,
@@ -110,7 +125,7 @@ def _cpu_time(checkout: Path, scene: str, rate: float, sent: list[float]) -> flo
     )
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise RuntimeError(f"the run of `{scene}` in {checkout} ended with {done.returncode}: {last}")
+        raise RuntimeError(f"the run in {checkout} ended with {done.returncode}: {last}")
     return float(done.stdout.split()[-1])
 
 
