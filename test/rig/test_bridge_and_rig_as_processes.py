@@ -64,26 +64,32 @@ def has_come(run, entry, words):
 
 
 def bring_to_pressure(run):
-    """Arm and command until the chambers have the working pressure.
-
-    A machine that starves the rig for longer than its time limit has the bridge vent, rightly: then once more.
-    """
-    for _ in range(3):
-        run.arm()
-        run.user.received["/diagnostics"].clear()
-        run.operator = [WORKING, WORKING]
-        run.user.until(
-            lambda: min(run.chambers()[:2]) > 0.9 * WORKING or has_come(run, "gate", "vented"), 10.0
-        )
-        if min(run.chambers()[:2]) > 0.9 * WORKING:
-            return
-        run.operator = None
-    raise AssertionError(f"the chambers stay below the working pressure: {run.seen()}")
+    """Arm and command until the chambers have the working pressure; False for a vent before that."""
+    run.arm()
+    run.user.received["/diagnostics"].clear()
+    run.operator = [WORKING, WORKING]
+    run.user.until(lambda: min(run.chambers()[:2]) > 0.9 * WORKING or has_come(run, "gate", "vented"), 10.0)
+    if min(run.chambers()[:2]) > 0.9 * WORKING:
+        return True
+    run.operator = None
+    return False
 
 
 def break_and_watch(run, fault, value, entry, words):
-    """Bring it to pressure, break it, and see what the operator sees and how soon it is vented."""
-    bring_to_pressure(run)
+    """Bring it to pressure, break it, and see what the operator sees and how soon it is vented.
+
+    A machine that starves the rig or the bridge for longer than a time limit has it vent for that reason, rightly
+    and in time: then the same fault once more.
+    """
+    for _ in range(3):
+        if bring_to_pressure(run) and _is_seen(run, fault, value, entry, words):
+            return
+        run.break_rig(fault, type(value)())
+    raise AssertionError(f"it vents each time before the fault shows: {run.seen()}")
+
+
+def _is_seen(run, fault, value, entry, words):
+    """Break it, check the vent, and return whether the operator reads of this fault."""
     run.user.received["/diagnostics"].clear()
     run.break_rig(fault, value)
     arm = slice(0, 2)
@@ -96,10 +102,14 @@ def break_and_watch(run, fault, value, entry, words):
     run.user.until(lambda: max(run.chambers()[arm]) < 0.05 * LIMIT, 5.0)
     # Discovery of a fault, and a machine that is busy with other things, may take a moment.
     assert time.monotonic() - began < LIMITS.command_timeout + LIMITS.vent_time + 0.3
-    run.user.until(lambda: has_come(run, entry, words) and has_come(run, "gate", "vented"), 3.0)
     _, _, peak, lowest, highest = run.chambers()
     assert peak <= LIMIT and lowest >= 0.0 and highest <= LIMIT
+    run.user.until(lambda: has_come(run, "gate", "vented"), 3.0)
+    end = time.monotonic() + 1.0
+    while not has_come(run, entry, words) and time.monotonic() < end:
+        run.user.spin(0.05)
     run.operator = None
+    return has_come(run, entry, words)
 
 
 @pytest.mark.timeout(90)
