@@ -27,14 +27,16 @@ setup: $(PACKAGE) $(MESSAGES) $(KERNELS)  ## make .venv/ with pinned versions, R
 sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME NETWORK=0
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
 
-# Rooms with processes, wires and clocks: their limits of time hold while nothing else runs. The others use all cores.
-TIMED := test/faults test/launch test/mock_rig test/rig test/ros test/simulator
-TIMED := $(wildcard $(TIMED))
+# Tests marked `timed` hold their limits of time while nothing else runs. The others use all cores.
+TIMED := $(wildcard test/faults test/rig test/ros)
 # Types are checked against the wheels of ROS 2; a distribution's own rclpy has others, or none.
-test: lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the whole test suite: PYTEST='-k word'
+test: setup lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the test suite but the slow ones: PYTEST='-k word'
 	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && $(if $(PYTEST),exec $(BIN)/python -m pytest $(PYTEST), \
-		$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(addprefix --ignore=,$(TIMED)); untimed=$$?; \
-		$(BIN)/python -m pytest $(TIMED) && exit $$untimed)
+		$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not timed and not slow"; untimed=$$?; \
+		$(BIN)/python -m pytest -m "timed and not slow" $(TIMED) && exit $$untimed)
+
+slow: setup $(STAND_IN)  ## run the tests that `make test` leaves out: longer siblings of its own
+	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && exec $(BIN)/python -m pytest -m slow
 
 reduced: setup  ## train the reduced model of the rig and measure it on 200 held-out runs: RUNS=30 for fewer
 	@$(BIN)/python tools/reduced_figures.py $(RUNS)
@@ -48,7 +50,7 @@ derivatives: setup  ## measure derivatives along runs: WHAT="cost gradient error
 bench: setup  ## watch the speed: ratios to a compiled loop in one run, and where they became worse
 	@$(BIN)/python -m pytest -q -s bench
 
-lint: setup  ## check the style and the spelling
+lint: $(PACKAGE)  ## check the style and the spelling
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/typos --format brief .
 
@@ -94,7 +96,7 @@ mutants: setup  ## change operators and constants of the inner rooms, list the c
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements/mutants.lock
 	@source tools/environment.sh && $(BIN)/python tools/mutation.py $(MUTANTS)
 
-types: setup  ## check the types
+types: $(PACKAGE) $(MESSAGES)  ## check the types
 	@$(BIN)/mypy
 
 msgs: setup  ## build the interface packages again: ldcs_msgs, and what stands in for packages of ROS in tests
@@ -150,4 +152,4 @@ $(KERNELS): $(PACKAGE)
 $(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
-.PHONY: help setup sim test reduced reach derivatives bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean
+.PHONY: help setup sim test slow reduced reach derivatives bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

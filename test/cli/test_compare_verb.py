@@ -33,6 +33,7 @@ def test_the_report_stands_beside_the_first_bag_with_pictures_that_show_somethin
             assert image.width > 900 and len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
 
 
+@pytest.mark.slow
 def test_the_pictures_are_printed_as_asked(ldcs, bags, tmp_path):
     words = ("compare", *bags, "-o", tmp_path / "report", "--format", "pdf", "--width", "column")
     assert ldcs(*words).status == 0

@@ -206,6 +206,7 @@ def size(folder):
     return sum(path.stat().st_size for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_the_first_run_says_that_kernels_are_compiled(tmp_path):
     pytest.importorskip("numba", reason="without numba nothing is compiled")
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -34,6 +34,7 @@ def test_the_offset_is_found_to_a_small_part_of_a_sample(ahead, noise):
     assert found.unexplained < 1e-3 and found.channels == ("P1",)
 
 
+@pytest.mark.slow
 def test_the_uncertainty_is_honest():
     errors, said = [], []
     for seed in range(20):

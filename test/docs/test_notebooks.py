@@ -13,6 +13,7 @@ import pytest
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs/notebooks"
 NOTEBOOKS = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
+QUICKEST = "first_run"
 SAID = {
     "closed_loop": r"at the end (39|40)\.\d\d mm, asked 40 mm",
     "cost_of_accuracy": r"asked 1e-07 +real \d\.\de-0[89]",
@@ -29,7 +30,9 @@ def cells(name: str) -> list[str]:
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("name", NOTEBOOKS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == QUICKEST else pytest.mark.slow) for name in NOTEBOOKS]
+)
 def test_a_notebook_runs_and_says_what_it_promises(name, monkeypatch):
     if name == "closed_loop":
         pytest.importorskip("rclpy", reason="ROS 2 is not installed")

@@ -189,6 +189,7 @@ def test_main_directions_are_orthonormal_and_span_the_shapes():
     assert np.allclose((modes - mean) @ directions.T @ directions, modes - mean)
 
 
+@pytest.mark.slow
 def test_three_arms_are_estimated_too():
     middle = {"name": "middle", "from": [0.0, 0.0], "to": [0.07, 0.0]}
     sides = (
@@ -221,6 +222,7 @@ def test_the_modes_rest_far_from_their_mean():
         assert rms(reduced.position(at_rest), full.state.position) < 0.6
 
 
+@pytest.mark.slow
 def test_a_scene_with_a_material_is_followed_too():
     scene = load_scene("three_arms").edited({"lattice.nodes": [9, 6], "solver.accuracy": 1e-4}, inputs=None)
     real = loaded(scene, "P1", 0.01, 1.2).build()

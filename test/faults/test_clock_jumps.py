@@ -16,6 +16,8 @@ from load_session import CLOUD, Session, counts
 from ldcs_ros.bags import read_bag
 from ldcs_ros.messages import messages
 
+pytestmark = pytest.mark.timed
+
 COMPILER = shutil.which("cc")
 JUMPS = (3600, -86_400, 0)  # s off the true time: an hour on, a day and an hour back, right again
 

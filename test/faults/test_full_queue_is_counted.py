@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import rclpy
 from live import own_domain
 from load_session import KEEP_ALL
@@ -12,6 +13,8 @@ from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros.messages.messages import pressure_command
 from ldcs_ros.ros.common.transport import DrainingSubscription
+
+pytestmark = pytest.mark.timed
 
 
 def test_what_was_taken_and_what_was_missed_is_what_was_sent():

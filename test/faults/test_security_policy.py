@@ -100,6 +100,7 @@ def test_of_the_twins_topics_each_one_is_allowed_in_its_direction_only(policy):
     assert not any("*" in name for verb in names.values() for name in verb)
 
 
+@pytest.mark.slow
 def test_what_the_live_nodes_do_in_the_graph_is_allowed(policy, tmp_path):
     domain = own_domain()
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}

@@ -14,6 +14,8 @@ from joins import joins
 from killed import killed
 from soak import soak
 
+pytestmark = pytest.mark.timed
+
 
 def test_a_recorded_run_at_200_hz_loses_no_command_and_no_report_and_replays_to_the_bit(tmp_path):
     run = soak(tmp_path, duration=3.0, again=True)
@@ -38,6 +40,7 @@ def test_a_node_killed_in_a_flood_loses_less_than_a_second_and_nothing_in_betwee
     assert run["same"]
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_the_simulation_goes_on(tmp_path):
     run = full_disk(tmp_path, room=600_000)
     assert run["lines"] == 1
@@ -47,6 +50,7 @@ def test_a_full_disk_is_one_line_and_the_simulation_goes_on(tmp_path):
     assert run["exit status"] == 1, "a recording that stopped is no success"
 
 
+@pytest.mark.slow
 def test_subscribers_that_join_and_leave_get_everything_and_leave_nothing_behind(tmp_path):
     run = joins(tmp_path, count=10, at_once=5)
     assert run["heard"] == 10
@@ -54,6 +58,7 @@ def test_subscribers_that_join_and_leave_get_everything_and_leave_nothing_behind
     assert len(set(run["descriptors"])) == 1
 
 
+@pytest.mark.slow
 def test_random_messages_services_and_parameters_break_and_lose_nothing(tmp_path):
     tally, process, bags = fuzz(tmp_path, seconds=3.0, seed=1)
     assert process == {"alive": True, "exit status": 0, "tracebacks": 0, "grown": process["grown"]}

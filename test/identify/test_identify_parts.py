@@ -120,6 +120,7 @@ def test_a_scene_that_has_no_answer_gives_none(bags, guess, content):
     assert residuals(content, {"effects.springs.stiffness": -1.0}, experiment) is None
 
 
+@pytest.mark.slow
 def test_processes_compute_what_one_process_computes(bags, guess, content):
     experiments = [read_experiment(bags[name], guess) for name in ("a", "b")]
     candidates = [{}, {"effects.springs.stiffness": 100.0}]

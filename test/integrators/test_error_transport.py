@@ -112,6 +112,7 @@ def test_a_minute_of_free_flight_is_as_accurate_as_asked() -> None:
         assert gap / 1.5 < runs[0].statistics.error_estimate
 
 
+@pytest.mark.slow
 def test_a_stiff_moment_is_left_to_the_stages() -> None:
     # Springs along fixed axes hold a spinning sheet; its angular momentum swings within milliseconds.
     content = {

@@ -50,7 +50,13 @@ def test_arms_are_black_and_loads_are_red(recording, tmp_path):
     assert black > 2e-3 and red > 2e-4
 
 
-@pytest.mark.parametrize("name", shipped_scenes())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("mould", "perforated", "single_spring") else pytest.mark.slow)
+        for name in shipped_scenes()
+    ],
+)
 def test_every_shipped_scene_can_be_drawn(name, record, tmp_path):
     written = draw(record(load_scene(name), until=0.06), tmp_path, times=[0.0, 0.06])
     assert all(inked(path) > 0.01 for path in written)
@@ -157,6 +163,7 @@ def a_stand_in_for_ffmpeg(folder, monkeypatch, script):
     monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
 
 
+@pytest.mark.slow
 def test_an_mp4_is_made_of_all_pictures_at_their_rate(recording, tmp_path, monkeypatch):
     # The last word is the file to write; what comes in are raw pictures of three bytes a pixel.
     keep = f'echo "$@" > {tmp_path}/words; for last; do :; done; cat > "$last"'
@@ -189,6 +196,7 @@ def test_a_picture_that_cannot_be_finished_leaves_no_file(recording, tmp_path, m
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "inches"), [("column", 3.46), ("page", 7.09)])
 def test_print_is_as_wide_as_a_column_or_a_page_with_letters_to_match(width, inches, recording, tmp_path):
     style = STYLES[width]
@@ -211,6 +219,7 @@ def test_nothing_of_a_printed_picture_is_cut_off(recording, tmp_path):
         assert all((edge > 245).all() for edge in edges), path
 
 
+@pytest.mark.slow
 def test_vector_files_have_real_fonts_and_are_the_same_each_time(recording, tmp_path):
     first = draw(recording, tmp_path / "a", kind="pdf", style=STYLES["column"])
     again = draw(recording, tmp_path / "b", kind="pdf", style=STYLES["column"])

@@ -15,12 +15,18 @@ from attack_run import Run
 from events import events
 from random_answers import random_lines, random_modbus
 
+pytestmark = pytest.mark.timed
+
 SELECTION = [event for event in events() if event.quick]
+# What these try has a quicker sibling here or in test_bridge_and_rig_as_processes.py.
+SLOW = ("SIGINT to the node", "2000 commands before arm, none after", "one answer: five registers")
 
 
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize(
-    "event", SELECTION, ids=lambda event: f"{event.transport}, {event.phase}: {event.what}"
+    "event",
+    [pytest.param(event, marks=pytest.mark.slow if event.what in SLOW else ()) for event in SELECTION],
+    ids=lambda event: f"{event.transport}, {event.phase}: {event.what}",
 )
 def test_no_event_leaves_a_chamber_under_pressure(event, tmp_path):
     domain = 10 + (os.getpid() * 13 + SELECTION.index(event)) % 220
@@ -34,6 +40,15 @@ def test_random_modbus_answers_end_no_stage():
 
 def test_random_serial_lines_end_no_stage():
     assert random_lines(3000) >= 3000
+
+
+def test_of_the_selection_each_transport_is_attacked_by_default():
+    assert {event.what for event in SELECTION} > set(SLOW)
+    assert {event.transport for event in SELECTION if event.what not in SLOW} == {
+        "modbus",
+        "serial",
+        "topics",
+    }
 
 
 def test_the_table_has_more_than_sixty_events_over_three_transports():

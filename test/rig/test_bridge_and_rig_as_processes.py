@@ -19,6 +19,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "ros"))
 
 from processes import Pair
 
+pytestmark = pytest.mark.timed
+
 LIMITS = Limits()
 
 
@@ -165,6 +167,7 @@ def test_shadow_listens_records_two_bags_and_commands_nothing(pair, tmp_path):
     assert "limits" in rig.custom_data["rig"]
 
 
+@pytest.mark.slow
 def test_mirror_finds_what_the_twin_does_not_know(pair):
     run = pair("topics", mode="mirror", controller="wave")
     run.user.listen("/ldcs/estimate/nodes", "sensor_msgs/PointCloud2")

@@ -21,6 +21,8 @@ from ldcs_ros.rig.reading import RawReading
 from ldcs_ros.rig.rig_file import load_rig
 from ldcs_ros.rig.units import PressureUnit
 
+pytestmark = pytest.mark.timed
+
 PRESSURES = "std_msgs/msg/Float64MultiArray"
 
 
@@ -122,7 +124,7 @@ def test_a_rig_on_topics_takes_one_to_a_thousand_set_points_per_second(rate, is_
                 ],
                 "send": {"topic": "/set"},
             }
-        ]
+        ],
     }
     if is_allowed:
         assert load_rig(content).links[0].rate == rate

@@ -10,9 +10,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools" / "attack"))
 
+import pytest
 from island import Island
 
 from ldcs_ros.rig.limits import Limits
+
+pytestmark = pytest.mark.timed
 
 PROMISE = Limits().command_timeout + Limits().vent_time
 BRIDGE = """

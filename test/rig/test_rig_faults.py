@@ -7,6 +7,8 @@ from rig_bench import LIMIT, WORKING, Bench, HandClock
 
 from ldcs_ros.messages.diagnostics import ERROR, WARN
 
+pytestmark = pytest.mark.timed
+
 # Diagnostics of each fault: entry, level, words.
 SEEN = {
     "mute": ("readings", ERROR, "silent"),

@@ -39,6 +39,8 @@ from ldcs_ros import load_scene
 from ldcs_ros.rig.bridge import Bridge
 from ldcs_ros.rig.gate import Mode
 from ldcs_ros.rig.rig_file import load_rig
+
+pytestmark = pytest.mark.timed
 scene, rig, asked = json.loads(sys.argv[1])
 bridge = Bridge(load_scene(scene), load_rig(rig), mode=Mode("live"), clock=time.monotonic)
 bridge.start()

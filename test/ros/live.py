@@ -95,7 +95,7 @@ class PlainUser:
             getattr(import_module(f"{package}.msg"), kind), topic, self.received[topic].append, 50
         )
 
-    def until(self, condition, timeout=10.0):
+    def until(self, condition, timeout=30.0):
         """Spin until the condition holds and return it; AssertionError after the timeout."""
         end = time.monotonic() + timeout
         while not (value := condition()):
@@ -118,7 +118,7 @@ class PlainUser:
         self.until(lambda: publisher.get_subscription_count() > 0)
         return publisher
 
-    def call(self, name, service=Trigger, request=None, timeout=10.0):
+    def call(self, name, service=Trigger, request=None, timeout=30.0):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service, name)
         client = self._clients[name]

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.timed
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs/examples/close_a_loop.py"
 
 

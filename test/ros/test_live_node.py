@@ -13,6 +13,8 @@ import pytest
 from live import LiveNode, PlainUser, own_domain, stamp
 from std_msgs.msg import Float64MultiArray
 
+pytestmark = pytest.mark.timed
+
 PERIOD_NS = 20_000_000
 
 

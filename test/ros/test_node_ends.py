@@ -54,9 +54,7 @@ def test_sigterm_ends_it_as_cleanly(start, tmp_path):
 
 
 def test_as_fast_as_possible_to_the_end_of_the_duration(start, tmp_path):
-    node, _ = start(
-        with_user=False, scene="paper", real_time_factor=-1, duration=5, record=tmp_path / "bag"
-    )
+    node, _ = start(with_user=False, scene="paper", real_time_factor=-1, duration=5, record=tmp_path / "bag")
     assert node.process.wait(20.0) == 0
     assert messages(tmp_path / "bag")[NODES] == 251
 
@@ -99,6 +97,7 @@ def test_a_node_whose_bag_is_removed_tells_it_saves_the_rest_and_ends_with_statu
     assert "Traceback" not in node.output
 
 
+@pytest.mark.timed
 def test_a_silent_sender_is_vented_and_must_rearm(start):
     _node, user = start(scene="rig", command_timeout=0.3)
     user.listen("/diagnostics", "diagnostic_msgs/DiagnosticArray")

@@ -14,6 +14,8 @@ from ldcs_ros.ros.sim.pacing import AS_FAST_AS_POSSIBLE, Pacer
 from ldcs_ros.ros.sim.runner import RunMode, Runner
 from ldcs_ros.twin.twin import Twin
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.fixture
 def run():

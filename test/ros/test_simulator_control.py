@@ -20,6 +20,8 @@ from ldcs_ros.ros.simulator.answers import ResultError
 from ldcs_ros.ros.simulator.control import Control
 from ldcs_ros.twin.twin import Twin
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.fixture
 def failed():

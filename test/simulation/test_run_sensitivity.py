@@ -69,7 +69,11 @@ def frozen(content, grid, changes):
 
 
 # Compiled code solves the stages where no wrench rotates with the sheet.
-@pytest.fixture(scope="module", params=[CONTENT, COMPILED], ids=["matrices", "compiled"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(CONTENT, marks=pytest.mark.slow), COMPILED],
+    ids=["matrices", "compiled"],
+)
 def content_and_run(request):
     return request.param, tangent_run(request.param, list(PATHS))
 
@@ -113,6 +117,7 @@ def places(changes, *, settled=False, start=None, accuracy=1e-6, times=TIMES):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_stated_errors_hold_against_the_converged_motion():
     names = ["pressure.left@0.15", "effects.payload.mass", "start.velocity.node_top_2_2.z"]
     found = load_scene(CONTENT).build().run_sensitivity(TIMES, ["P0", "P1"], names)

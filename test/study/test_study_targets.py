@@ -102,6 +102,7 @@ def test_a_pair_is_met_by_its_ratio_and_its_error():
     assert found([pair(0.05, error=1.2e-5)], words).met is False
 
 
+@pytest.mark.slow
 def test_a_checkout_beside_itself_is_about_as_fast(monkeypatch):
     monkeypatch.setattr(paired_runs, "SPAN", 0.1)
     checkout = str(Path(__file__).resolve().parents[2])

@@ -74,6 +74,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(undrawn, capsys, tmp_path
     assert again["rows_from_before"] == 5
 
 
+@pytest.mark.slow
 def test_rows_of_another_machine_are_not_mixed_in(undrawn, capsys, tmp_path):
     study(capsys, tmp_path)
     there = json.loads((tmp_path / "study_machine.json").read_text())
@@ -103,6 +104,7 @@ def test_another_checkout_is_one_of_this_project_and_goes_with_the_targets(capsy
     assert status == 2 and "--targets" in error
 
 
+@pytest.mark.slow
 def test_measuring_a_preset_again_leaves_the_rows_of_others(undrawn, capsys, tmp_path, monkeypatch):
     study(capsys, tmp_path)
     monkeypatch.setitem(plan.PRESETS, "targets", lambda: TASKS[:2])
@@ -131,6 +133,7 @@ def test_a_local_dask_cluster_gives_the_same_rows(undrawn, capsys, tmp_path):
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_rows(undrawn, capsys, tmp_path):
     status, summary, _ = study(capsys, tmp_path, "--jobs", "2")
     assert status == 0 and summary["rows"] == 5 and summary["without_result"] == 1
@@ -156,6 +159,7 @@ def test_targets_are_printed_and_a_missed_one_is_a_failed_check(undrawn, capsys,
     assert "**MISSED**" in (tmp_path / "study.md").read_text()
 
 
+@pytest.mark.slow
 def test_a_report_names_every_command_that_made_it(undrawn, capsys, tmp_path):
     study(capsys, tmp_path)
     study(capsys, tmp_path, "--jobs", "2")

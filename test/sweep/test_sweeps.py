@@ -138,6 +138,7 @@ def test_the_verb_writes_table_and_picture_and_gives_indices(tmp_path, capsys):
     assert status == 0 and found["continued"] == 16
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_bytes_as_one(tmp_path, capsys):
     words = ["rig", "--set", "lattice.nodes=[3,3]", "--settle", "--measure", "P1.z"]
     words += ["--over", "effects.payload.mass=0.01..0.05:20"]
