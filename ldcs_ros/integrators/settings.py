@@ -20,7 +20,7 @@ class Solver:
         accuracy: Largest node position error asked for [m]; None with a fixed step.
         dt: Fixed step [s]; None with adaptive steps.
         verify: A second solution at a tenth of the accuracy measures the error of a run.
-        commands: 'auto' lets a smooth drive stand in for commands that are known beforehand, where its estimated
+        commands: 'auto' lets a smooth drive replace commands that are known beforehand, where its estimated
             difference is a small fraction of the accuracy; 'held' holds every command.
 
     Raises:

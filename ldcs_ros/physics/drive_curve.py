@@ -110,7 +110,10 @@ class CurveFit:
         return _POWERS[1:, None] * integral[:, 1:] / self.lengths[:, None, None]
 
     def first_moment(self, integral: np.ndarray) -> np.ndarray:
-        """Return the integral over each interval of the curve's integral since its start [N m s^2]."""
+        """Return the integral over each interval of the curve's integral since its start [N m s^2].
+
+        Shapes: `integral` (n, 8, n_columns), the result (n, n_columns).
+        """
         return self.lengths[:, None] * np.sum(integral / (_POWERS[:, None] + 1.0), axis=1)
 
 

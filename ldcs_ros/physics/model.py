@@ -281,8 +281,8 @@ class Model:
 
         Args:
             time: Simulation time [s].
-            q: Coordinates [m, rad].
-            u: Their rates.
+            q: Coordinates [m, rad], shape (n_coordinates,).
+            u: Their rates, same shape.
             inputs: Commands held at that time.
             positive_definite: Of the stable part only.
             corotated: Without the unsymmetric part of a rotating sheet; `LinearSystem.turn` restores it.

@@ -58,7 +58,7 @@ class PlacedArm:
     def covered(
         self, links: int, width: int, lattice: Lattice
     ) -> tuple[tuple[int, np.ndarray, np.ndarray], ...]:
-        """Return what the ribs of a straight arm cover: joint station, corners and their bilinear weights.
+        """Return what the ribs of a straight arm cover: joint station, corners and bilinear weights, shape (4,) each.
 
         The order is station (base, then the end of each link), row (the line, then pairs to its right and left),
         layer. Rows outside of the sheet are left out.

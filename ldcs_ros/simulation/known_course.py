@@ -1,4 +1,4 @@
-"""`KnownCourse`: commands of the arms that are known beforehand, and the smooth drive that stands in for them.
+"""`KnownCourse`: commands of the arms that are known beforehand, and the smooth drive that replaces them.
 
 Commands at a rate that sample something smooth differ from a smooth drive by a sawtooth. Its mean over each interval is
 zero; the sheet hardly follows the rest. Steps then pass many commands. The course estimates how far nodes move

@@ -186,7 +186,10 @@ def _sorted(found: tuple[np.ndarray, np.ndarray], count: int) -> tuple[np.ndarra
 
 
 def largest_eigenvalue(model: Model, q: np.ndarray, by_q: sparse.csc_matrix) -> float:
-    """Return the largest eigenvalue of M^-1 times the stiffness [1/s^2], estimated by its diagonal."""
+    """Return the largest eigenvalue of M^-1 times the stiffness [1/s^2], estimated by its diagonal.
+
+    Shapes: q (n_coordinates,), by_q (n_free, n_free).
+    """
     return float(np.max(np.abs(by_q.diagonal()) / mass_matrix(model, q).diagonal(), initial=0.0))
 
 

@@ -111,7 +111,7 @@ class CommandColumns:
         return self._scaled(time, q, u, self._amplitude(time))
 
     def unit_forces(self, time: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the same of commands that act in full, also of those to come."""
+        """Return the same of commands that act in full, also of those to come; same shapes as `forces`."""
         return self._scaled(time, q, u, np.ones(len(self._on)))
 
     def _scaled(self, time: float, q: np.ndarray, u: np.ndarray, amplitude: np.ndarray) -> np.ndarray:

@@ -141,7 +141,10 @@ class NumberColumn:
         return (q1 - q0)[free] / width, (u1 - u0)[free] / width
 
     def explicit(self, time: float, q: np.ndarray) -> np.ndarray | float:
-        """Return how the places move with free coordinates at rest: clamped nodes, and places on the sheet."""
+        """Return how the places move while free coordinates stay, shape (3 n_of,), of q, shape (n_coordinates,).
+
+        Clamped nodes move with the number, and so do places on the sheet. 0.0 where it moves neither.
+        """
         if not (self._moves_places or self._moves_bounds):
             return 0.0
         ahead, before = (

@@ -469,7 +469,7 @@ class Simulation(ReadableSimulation):
         curve = schedule.curve(self.time, held)
         is_same = held.torque is before.torque and held.chambers is before.chambers
         if curve is before.curve and (is_same or curve is not None) and held.wrenches is before.wrenches:
-            # A command that waits in a valve changes nothing yet, nor does one that a curve stands in for.
+            # A command that waits in a valve changes nothing yet, nor does one that a curve replaces.
             self._input_version = self.inputs.version
             return
         if curve is not None:

@@ -65,7 +65,12 @@ class Competition:
         return sampled(simulation, self.profile, self.rate, TIMES), simulation
 
     def baseline(self, row: Row, known: np.ndarray) -> Row:
-        """Return the compiled loop's row: its longest step that keeps the accuracy against what `run` gave."""
+        """Return the compiled loop's row: its longest step that keeps the accuracy against what `run` gave.
+
+        Args:
+            row: The row to fill in.
+            known: Positions that `run` gave [m], shape (n_times, n_nodes, 3).
+        """
         from ldcs_ros.study.baseline import ArcBaseline
 
         radius = spectral_radius("arc", 9)
@@ -80,7 +85,10 @@ class Competition:
         return replace(row, failure=f"no step down to {BASELINE_STEPS[-1]:g} s keeps {ACCURACY:g} m")
 
     def scipy(self, row: Row, known: np.ndarray) -> Row:
-        """Return the row of SciPy's BDF: its first tolerance that keeps the accuracy against what `run` gave."""
+        """Return the row of SciPy's BDF: its first tolerance that keeps the accuracy against what `run` gave.
+
+        Arguments are those of `baseline`.
+        """
         for accuracy in BDF_ACCURACIES:
             simulation = self.build(accuracy)
             command = partial(self._command, simulation) if self.rate else None

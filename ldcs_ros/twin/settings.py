@@ -70,7 +70,7 @@ class RunSettings:
         full_precision: Emit `lattice_state` and `solver_status` all along and record them.
         settled: Begin at the equilibrium.
         command_steps: Steps under commands at a rate may be those of the formula for them.
-        known_commands: Which commands a smooth drive may stand in for: none ('held'), those of the scene's schedule
+        known_commands: Which commands a smooth drive may replace: none ('held'), those of the scene's schedule
             ('schedule'), or those that were announced, too ('all').
         verify: Measure the error by a second solution at a tenth of the accuracy; true also where the scene says so.
     """

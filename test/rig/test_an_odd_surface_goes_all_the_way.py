@@ -83,6 +83,7 @@ def wrong(tmp_path):
     return path
 
 
+@pytest.mark.timeout(300)  # a busy machine draws and fits for long
 def test_it_runs_replays_is_drawn_and_its_gains_are_found_within_their_intervals(tmp_path, wrong, capsys):
     schedule = [
         {"time": 0.0, "pressure": [90e3, 20e3, 40e3]},

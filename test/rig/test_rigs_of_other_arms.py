@@ -28,6 +28,8 @@ from ldcs_ros.rig.output.stage import OutputStage
 from ldcs_ros.rig.rig_file import load_rig
 from ldcs_ros.rig.vent import vent_rig
 
+pytestmark = pytest.mark.timed
+
 ARMS = ("left", "middle", "right")
 HIGHEST = {"left": 120e3, "middle": 40e3, "right": 90e3}
 SLEW = {"left": 400e3, "middle": 100e3, "right": 300e3}
@@ -39,8 +41,6 @@ from ldcs_ros import load_scene
 from ldcs_ros.rig.bridge import Bridge
 from ldcs_ros.rig.gate import Mode
 from ldcs_ros.rig.rig_file import load_rig
-
-pytestmark = pytest.mark.timed
 scene, rig, asked = json.loads(sys.argv[1])
 bridge = Bridge(load_scene(scene), load_rig(rig), mode=Mode("live"), clock=time.monotonic)
 bridge.start()

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import signal
 
+import pytest
 from std_msgs.msg import Float64MultiArray
 
 from ldcs_ros.bags import read_bag
 from ldcs_ros.replay.session import replay
 
 
+@pytest.mark.timed
 def test_a_bag_of_the_live_node_replays_to_the_same_bytes(start, tmp_path):
     node, user = start(scene="rig", record=str(tmp_path / "live"), command_timeout=0.3, publish_rate=60.0)
     publisher = user.publisher("/ldcs/pressure_command", Float64MultiArray)

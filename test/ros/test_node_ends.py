@@ -132,6 +132,7 @@ def test_a_node_that_does_not_start_by_itself_is_driven_by_its_lifecycle(start):
     assert node.process.wait(10.0) == 0
 
 
+@pytest.mark.timed
 def test_a_signal_while_it_loads_ends_it_without_a_traceback(start):
     for delay in (0.2, 0.35, 0.5, 0.7):
         node, _ = start(with_user=False, scene="paper")

@@ -144,7 +144,14 @@ class AxialTerm(SpringTerm):
         return np.concatenate([*own, between], axis=1)
 
     def add_corotated(self, q: np.ndarray, rate_step: float, slots: np.ndarray, matrix: np.ndarray) -> None:
-        """Add -h (C + h K) of `corotated_jacobian` to a flat matrix of the nodes, at the slots of `entries`."""
+        """Add -h (C + h K) of `corotated_jacobian` to a flat matrix of the nodes.
+
+        Args:
+            q: Coordinates [m, rad], shape (n_coordinates,).
+            rate_step: The step h times the method's diagonal [s].
+            slots: Place in the matrix of each entry of `entries`, shape (n_springs, 21).
+            matrix: The matrix's values, flat; changed in place.
+        """
         weight = rate_step * (self.c + rate_step * self.k)
         axial.add_stiffness(q, self.a, self.b, self.rest_length, self.rest_axis, weight, slots, matrix)
 

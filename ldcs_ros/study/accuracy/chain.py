@@ -126,7 +126,7 @@ class Chains:
         return weight.ravel()
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        """Write the angles of the drive 'curvature' at a time [s] and their rates."""
+        """Write the angles of the drive 'curvature' at a time [s] and their rates, shape (count * n,) each."""
         for a, own in enumerate(self.own):
             here = slice(a * self.n, (a + 1) * self.n)
             rise = min(max(time / own.rise_time, 0.0), 1.0)
@@ -143,7 +143,16 @@ class Chains:
         torque: np.ndarray | None,
         force: np.ndarray,
     ) -> np.ndarray:
-        """Return the angular accelerations, flat, and add the ties' forces on the nodes to `force` [N]."""
+        """Return the angular accelerations, and add the ties' forces on the nodes to `force`.
+
+        Args:
+            x: Node positions [m], shape (n_nodes, 3).
+            v: Node velocities [m/s], same shape.
+            angles: Angles [rad], shape (count * n,), as the result [rad/s^2].
+            rates: Their rates [rad/s], same shape.
+            torque: Joint torques [N m], shape (count, n); None for none.
+            force: Forces on the nodes [N], shape (n_nodes, 3); changed in place.
+        """
         phi, rate = angles.reshape(self.count, self.n), rates.reshape(self.count, self.n)
         drive = np.zeros_like(phi) if torque is None else torque
         matrix, push = self._chains(phi, rate, drive)

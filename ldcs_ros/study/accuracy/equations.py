@@ -135,14 +135,14 @@ class Equations:
         return edge
 
     def begin(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the flat coordinates and rates of the flat sheet at rest."""
+        """Return the coordinates and rates of the flat sheet at rest, shape (n_coordinates,) each."""
         q, u = np.zeros(self.n_coordinates), np.zeros(self.n_coordinates)
         q[: 3 * self.n] = self.rest.ravel()
         self.prescribe(0.0, q, u)
         return q, u
 
     def prescribe(self, time: float, q: np.ndarray, u: np.ndarray) -> None:
-        """Write driven coordinates and rates at a time [s]; clamped ones keep their place."""
+        """Write driven coordinates and rates at a time [s], shape (n_coordinates,) each; clamped ones stay."""
         if self.driven.any():
             effect = self.effects["driven_edges"]
             rise = min(max(time / effect.rise_time, 0.0), 1.0)

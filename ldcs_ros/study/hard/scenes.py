@@ -79,12 +79,12 @@ def inverted(lattice: Lattice) -> np.ndarray:
 
 
 def turned_over(lattice: Lattice) -> np.ndarray:
-    """Return the sheet after half a turn about the x axis."""
+    """Return the sheet after half a turn about the x axis; shape (n_nodes, 3) [m]."""
     return lattice.reference_position * [1.0, -1.0, -1.0]
 
 
 def crumpled(lattice: Lattice) -> np.ndarray:
-    """Return the sheet with each coordinate moved by up to half a spacing at random."""
+    """Return the sheet with each coordinate moved by up to half a spacing at random; shape (n_nodes, 3) [m]."""
     random = np.random.default_rng(4)
     reach = 0.5 * np.array([*lattice.spacing, min(lattice.spacing)])
     return lattice.reference_position + random.uniform(-1.0, 1.0, (lattice.n_nodes, 3)) * reach
@@ -98,7 +98,7 @@ def ruffled(lattice: Lattice) -> np.ndarray:
 
 
 def two_coincident(lattice: Lattice) -> np.ndarray:
-    """Return the sheet with two neighbours of the top layer at one place."""
+    """Return the sheet with two neighbours of the top layer at one place; shape (n_nodes, 3) [m]."""
     position = lattice.reference_position.copy()
     nx, ny = lattice.nodes
     position[lattice.node("top", nx // 2, ny // 2)] = position[lattice.node("top", nx // 2 - 1, ny // 2)]
@@ -111,17 +111,17 @@ def in_plane(lattice: Lattice) -> np.ndarray:
 
 
 def on_line(lattice: Lattice) -> np.ndarray:
-    """Return the sheet with all nodes on the x axis."""
+    """Return the sheet with all nodes on the x axis; shape (n_nodes, 3) [m]."""
     return lattice.reference_position * [1.0, 0.0, 0.0]
 
 
 def in_one_point(lattice: Lattice) -> np.ndarray:
-    """Return all nodes in one point."""
+    """Return all nodes in one point; shape (n_nodes, 3) [m]."""
     return np.tile([0.5 * lattice.size[0], 0.0, 0.0], (lattice.n_nodes, 1))
 
 
 def rolled_up(lattice: Lattice) -> np.ndarray:
-    """Return the sheet rolled one and a half times around the y axis, at its own length."""
+    """Return the sheet rolled one and a half times around the y axis, at its own length; shape (n_nodes, 3) [m]."""
     x, y, z = lattice.reference_position.T
     kappa = 3.0 * np.pi / lattice.size[0]
     return np.stack(
