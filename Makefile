@@ -149,7 +149,7 @@ $(KERNELS): $(PACKAGE)
 	@$(BIN)/python tools/compile_kernels.py && touch $@
 
 # Half a minute, once; without it the tests that need it are skipped.
-$(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f)
+$(STAND_IN): $(READY) $(shell find test/ros/stand_ins -type f) | $(MESSAGES)
 	@source tools/environment.sh; $(BIN)/python tools/build_messages.py simulation_interfaces tf2_msgs && touch $@ || true
 
 .PHONY: help setup sim test slow reduced reach derivatives bench lint hard viewer cluster soak fuzz faults hostile attack coverage mutants types msgs colcon bags docs site wheel notebooks lock clean

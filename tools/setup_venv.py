@@ -60,7 +60,8 @@ def main():
     run(sys.executable, "-m", "venv", *(["--system-site-packages"] if ros else []), VENV)
 
     # The lock files are complete, so nothing is resolved, and a file whose hash they do not list is refused.
-    # Sources are built with the pinned setuptools.
+    # Sources are built with the pinned setuptools. Python compiles a module at its first import; to compile all of them
+    # here, most of which nothing imports, would double the time.
     python = VENV / "bin/python"
     install = [
         python,
@@ -71,6 +72,7 @@ def main():
         "--disable-pip-version-check",
         "--no-deps",
         "--require-hashes",
+        "--no-compile",
     ]
     run(*install, "--requirement", "requirements/core.lock")
     if ros is None:
