@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     # Loaded when commands come at a rate: the compiled force knows effects that a scene may not name.
     from ldcs_ros.integrators.implicit.command_formula import CommandFormula
 
-# Commands come at a rate if the last two are no farther apart [s].
+# Commands come at a rate if the last two intervals between them are no longer [s], and no shorter than any step.
 LONGEST_INTERVAL = 0.03
 # The formula goes on for as long after the last command [s]; then the motion is smooth, and long steps are cheaper.
 LONGEST_WAIT = 0.06
@@ -85,6 +85,10 @@ def _changed(pace: CommandPace, **values: object) -> CommandPace:
     return other
 
 
+def _is_rate(interval: float) -> bool:
+    return SHORTEST_STEP <= interval <= LONGEST_INTERVAL
+
+
 class CommandSteps(AdaptiveSteps):
     """Adaptive steps that change to the two-step formula while commands come at a rate.
 
@@ -138,7 +142,7 @@ class CommandSteps(AdaptiveSteps):
                 run, pause = None, LONG_PAUSE
         if run is not None and run.has_failed:
             run, pause = None, PAUSE
-        elif run is None and opening and pause == 0 and interval <= LONGEST_INTERVAL:
+        elif run is None and opening and pause == 0 and _is_rate(interval) and _is_rate(known.interval):
             run = self._entered(motion, known, interval)
         if run is not None:
             barrier = min(stop, expected) if is_regular else stop

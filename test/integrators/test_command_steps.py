@@ -101,7 +101,8 @@ def test_the_one_step_method_serves_without_commands_at_a_rate_and_after_the_las
     for time in times:
         simulation.advance_to(time)
         course.send(simulation.inputs, 5.0 * time * course.maximum)
-        assert simulation.follows_commands == (time > 0.025)
+        # Two intervals make a rate; a step with the formula follows them.
+        assert simulation.follows_commands == (time > 0.035)
     simulation.advance_to(0.4)
     assert not simulation.follows_commands
 
@@ -124,3 +125,13 @@ def test_a_command_that_waits_in_a_valve_changes_no_step():
         simulation.advance_to(0.0199)
         ends.append(simulation.state.position.copy())
     assert np.array_equal(*ends)
+
+
+@pytest.mark.parametrize("times", [(0.1, 0.101), (0.1, 0.100001, 0.100002)])
+def test_a_few_commands_close_together_are_not_yet_a_rate(times):
+    simulation, course = built("paper", 1e-4)
+    for k, time in enumerate(times):
+        simulation.advance_to(time)
+        course.send(simulation.inputs, 0.3 * (k + 1) * course.maximum)
+    simulation.advance_to(0.11)
+    assert not simulation.follows_commands
