@@ -29,6 +29,7 @@ class FactorTables(NamedTuple):
         columns: Column of each free node in `order`, shape (n_nodes / 3,); empty where nothing turns.
         neighbours: Neighbours of each column, for its frame.
         frames: How the columns stood when W was factored, shape (n_columns, 3, 3).
+        rate_step: The h of W [s].
     """
 
     order: np.ndarray
@@ -42,6 +43,7 @@ class FactorTables(NamedTuple):
     columns: np.ndarray
     neighbours: np.ndarray
     frames: np.ndarray
+    rate_step: float
 
 
 def factor_tables(system: LinearSystem, factors: Factors) -> FactorTables:
@@ -60,6 +62,7 @@ def factor_tables(system: LinearSystem, factors: Factors) -> FactorTables:
         np.zeros(0, dtype=np.int64) if system.columns is None else system.columns,
         system.model.lattice.column_neighbours,
         factors.frames,
+        factors.rate_step,
     )
 
 

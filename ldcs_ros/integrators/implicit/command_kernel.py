@@ -125,19 +125,21 @@ def advance(  # type: ignore[no-untyped-def]
         if results[DONE] == 0.0 and jump.size > 0:
             # The formula answers a jump g of the acceleration by b R g with R = (1 - b A)^-1, the motion by
             # h phi_1(h A) g. alpha R + beta R^2 makes up for the difference, to first order in h A and for stiff parts.
-            # Kept factors without a scale: one above 1 would let the impulse that free motion takes up grow.
+            # The b of R is that of kept factors. They have no scale: one above 1 would let the impulse that free motion
+            # takes up grow.
             lasting[:] = jump
             solve_factors(factors, rotations, 1.0, lasting)
             squared[:] = lasting
             times_mass(inertia, weights[0], squared, n_nodes)
             solve_factors(factors, rotations, 1.0, squared)
             missing = ratio / (1.0 + 2.0 * ratio)
-            slope = -0.5 * h / ((1.0 + 2.0 * ratio) * rate_step)
+            slope = -0.5 * h / ((1.0 + 2.0 * ratio) * factors.rate_step)
+            kept = h / factors.rate_step
             alpha, beta = h * (2.0 * missing - slope), h * (slope - missing)
             for i in range(n_free):
                 impulse = alpha * lasting[i] + beta * squared[i]
                 # What is left of it at the end of the step, exp(h A) g to first order.
-                left[i] = (2.0 - h / rate_step) * lasting[i] + (h / rate_step - 1.0) * squared[i]
+                left[i] = (2.0 - kept) * lasting[i] + (kept - 1.0) * squared[i]
                 known[0, i] += rate_step * (impulse + beta * lasting[i])
                 known[1, i] += impulse
                 a[i] += lasting[i]
