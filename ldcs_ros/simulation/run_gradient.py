@@ -84,10 +84,18 @@ def run_gradient(
         time: Times of the positions [s], rising.
         of: Names of places.
         weights: Weight of each coordinate in the sum, shape (n_times, 3 n_of).
+
+    Raises:
+        ValueError: The weights have another shape.
     """
     model = simulation.model
+    times, weights = np.asarray(time, dtype=float), np.asarray(weights, dtype=float)
+    expected = (len(times), 3 * len(of))
+    if weights.shape != expected:
+        raise ValueError(
+            f"weights: got shape {weights.shape}, expected {expected}: x, y, z of each place at each time"
+        )
     at = simulation.operating_point()
-    times = np.asarray(time, dtype=float)
     record = StepRecord(simulation)
     simulation.follow(record)
     simulation.advance_to(float(times[-1]))

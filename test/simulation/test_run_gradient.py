@@ -71,3 +71,10 @@ def test_a_gradient_is_the_tangents_by_each_command(scene):
     # At 0.03 s only the drive is commanded.
     wrenches = [k for k, name in enumerate(found.command) if name.startswith("wrench")]
     assert not found.values[found.time.tolist().index(0.03), wrenches].any()
+
+
+def test_weights_of_another_shape_are_refused_and_lists_are_taken():
+    simulation = load_scene(small_sheet(inputs=[{"time": 0.0, "pressure": 50e3}])).build()
+    with pytest.raises(ValueError, match=r"weights: got shape \(3,\), expected \(1, 3\)"):
+        simulation.run_gradient([0.01], of=["P1"], weights=[1.0, 0.0, 0.0])
+    assert simulation.run_gradient([0.01], of=["P1"], weights=[[1.0, 0.0, 0.0]]).value > 0.0

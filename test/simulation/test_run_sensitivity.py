@@ -219,3 +219,20 @@ def test_a_scheduled_number_has_the_tangent_of_its_command(drive):
         # Their equations are solved to a fraction of the asked accuracy.
         assert np.abs(by_name[number] - expected).max() < 1e-3 * np.abs(expected).max()
         assert np.abs(expected).max() > 0.0
+
+
+def test_a_number_that_sizes_the_sheet_moves_the_start_of_a_run_that_begins_there_and_of_no_other():
+    simulation = load_scene(small_sheet()).build()
+    first = simulation.run_sensitivity([0.0], of=["P1"], to=["lattice.size[0]"])
+    np.testing.assert_allclose(first.values[0].ravel(), [1.0, 0.0, 0.0], atol=1e-9)
+    simulation.advance_to(0.05)
+    later = simulation.run_sensitivity([0.05], of=["P1"], to=["lattice.size[0]"])
+    np.testing.assert_allclose(later.values[0].ravel(), 0.0, atol=1e-12)
+
+
+def test_a_stated_error_never_falls_along_a_run():
+    simulation = load_scene(small_sheet()).build()
+    times = np.linspace(0.0, 0.3, 31)
+    error = simulation.run_sensitivity(times, of=["P1"], to=["effects.springs.stiffness"]).error
+    assert (np.diff(error, axis=0) >= 0.0).all() and error[-1].max() > 0.0
+    assert error[1].max() < error[-1].max()
