@@ -78,6 +78,7 @@ ROOMS = {
         (
             "test/integrators/kernel_vectors.py",
             "test/integrators/kernel_steps.py",
+            "test/integrators/kernel_commands.py",
             "test/physics/test_total_force.py",
         ),
         EXECUTED,

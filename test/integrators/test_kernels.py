@@ -14,7 +14,8 @@ from ldcs_ros.physics.compiled import HAVE_NUMBA
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="some kernels are reached with numba only")
 def test_executed_kernels_satisfy_their_formulas():
-    files = [str(Path(__file__).with_name(name)) for name in ("kernel_vectors.py", "kernel_steps.py")]
+    files = sorted(map(str, Path(__file__).parent.glob("kernel_*.py")))
+    assert len(files) == 3
     run = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--timeout=0", *files],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
