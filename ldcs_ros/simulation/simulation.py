@@ -457,7 +457,14 @@ class Simulation(ReadableSimulation):
         self._step = step
         self._pace = self._control.corner(pace) if step.right.time in self.model.breakpoints else pace
         spent, (position, velocity) = self.statistics, self._schedule.difference(self._held.curve)
-        spent.error_estimate = max(spent.error_estimate, pace.estimate + position)
+        estimate, extent = pace.estimate + position, math.hypot(*self.lattice.size)
+        if estimate >= extent > spent.error_estimate:
+            warnings.warn(
+                f"no digit of a position holds after t = {step.left.time:.6g} s: the motion amplifies errors, and the "
+                f"estimated one, {estimate:.1e} m, exceeds the sheet; ask for more accuracy than {self.accuracy:g} m",
+                stacklevel=2,
+            )
+        spent.error_estimate = max(spent.error_estimate, estimate)
         spent.velocity_estimate = max(spent.velocity_estimate, pace.velocity_estimate + velocity)
 
     def _take_commands(self) -> None:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from ldcs_ros import load_scene
+from ldcs_ros.integrators import integrator_class
+from ldcs_ros.integrators.base import ErrorState, Integrator
 from ldcs_ros.integrators.implicit.error_kernels import INNER
 from ldcs_ros.integrators.implicit.error_transport import _tableau
 
@@ -64,6 +66,23 @@ def test_an_unstable_balance_shows_in_the_estimate() -> None:
     }
     real, estimate = _real_and_estimated(content, 1e-4, 1.0)
     assert real / 1.5 < estimate
+
+
+def test_an_estimate_as_large_as_the_sheet_gives_one_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    method = integrator_class("esdirk43")
+
+    def lost(self: Integrator) -> ErrorState:
+        n = len(self.model.free)
+        return ErrorState(np.full(n, 1.0), np.zeros(n), 1e6)
+
+    monkeypatch.setattr(method, "initial_error", lost)
+    content = {"lattice": {**LATTICE, "nodes": [3, 3]}, "effects": [_springs(0.05), {"type": "gravity"}]}
+    simulation = load_scene(content).build()
+    with pytest.warns(UserWarning, match="no digit of a position holds after t = 0 s") as said:
+        simulation.advance_to(0.05)
+    assert len(said) == 1
+    # The estimate itself is no figure of the sheet: it is reported as it is.
+    assert simulation.statistics.error_estimate > 2.0 * np.linalg.norm(LATTICE["size"])
 
 
 def test_a_state_continues_with_its_error() -> None:
