@@ -181,7 +181,8 @@ class AdaptiveSteps:
             ratio = max(step.error / tolerance, inside / self.accuracy, 1e-6)
             if ratio <= 1.0:
                 step, errors = self._transported(step, inputs, pace.errors[-1:], stop)
-                ratio = max(ratio, self._coasted(step) / (room * LOCAL_SHARE * self.accuracy))
+                coasted = self._coasted(step, is_transported=len(errors) > 1)
+                ratio = max(ratio, coasted / (room * LOCAL_SHARE * self.accuracy))
                 added = errors[1].outlook - errors[0].outlook if len(errors) > 1 else 0.0
                 allowed = room * STEP_FRACTION * BUDGET * self.accuracy
                 is_hopeless = room <= LEAST_ROOM or LEAST_GAIN * added > added_before
@@ -218,15 +219,19 @@ class AdaptiveSteps:
         used = errors[-1].outlook / (BUDGET * self.accuracy) if errors else 0.0
         return max(1.0 - used, LEAST_ROOM)
 
-    def _coasted(self, step: Step) -> float:
+    def _coasted(self, step: Step, *, is_transported: bool) -> float:
         """Return the distance [m] that a step adds to where a loose sheet coasts with errors of its momenta.
 
         Impacts are short: their errors are no rate per second, and count as they are. Those of smooth steps add up
-        over the time that the sheet coasts, which is taken to be as long again as the run has lasted.
+        over the time that the sheet coasts, which is taken to be as long again as the run has lasted. A transported
+        error holds their common part: what is left adds up as the root of the number of steps.
         """
         if self._has_contact:
             return COASTING[0] * step.drift
-        h, time = step.right.time - step.left.time, min(max(step.right.time, COASTING[0]), COASTING[1])
+        h, (least, most) = step.right.time - step.left.time, COASTING
+        if is_transported:
+            return least * math.sqrt(max(least / h, 1.0)) * step.drift
+        time = min(max(step.right.time, least), most)
         return time * max(time / h, 1.0) * step.drift
 
     def _transported(

@@ -10,7 +10,7 @@ import pytest
 from ldcs_ros import load_scene
 from ldcs_ros.integrators import integrator_class
 from ldcs_ros.integrators.base import ErrorState, Integrator
-from ldcs_ros.integrators.implicit.error_kernels import INNER
+from ldcs_ros.integrators.implicit.error_kernels import INNER, STAGE_PLACES
 from ldcs_ros.integrators.implicit.error_transport import _tableau
 
 LATTICE = {"size": [0.14, 0.14, 0.007], "mass": 0.1}
@@ -51,7 +51,9 @@ def test_a_violent_drive_is_as_accurate_as_asked(rise: float) -> None:
 def test_a_free_flight_without_forgetting_shows_in_the_estimate() -> None:
     content = {"lattice": {**LATTICE, "nodes": [3, 3]}, "effects": [_springs(0.05)]}
     real, estimate = _real_and_estimated(content, 1e-5, 3.0, (0.4, 0.3, 1.0))
-    assert real / 1.5 < estimate < 10.0 * real
+    # The real error is 0.002 of the asked one here; the estimate is too careful by a factor of 19 at most.
+    assert real / 1.5 < estimate < 30.0 * real
+    assert estimate < 0.1 * 1e-5
 
 
 def test_an_unstable_balance_shows_in_the_estimate() -> None:
@@ -145,11 +147,60 @@ def test_a_stiff_moment_is_left_to_the_stages() -> None:
     assert real <= estimate <= 1e-3
 
 
-@pytest.mark.parametrize("diagonal", [0.2, 0.25, 0.5])
-def test_the_stages_of_an_error_are_stiffly_accurate_and_of_second_order(diagonal):
+def test_a_loose_sheet_in_a_fluid_takes_the_steps_of_its_accuracy() -> None:
+    content = {
+        "lattice": {**LATTICE, "nodes": [2, 2]},
+        "effects": [
+            {"type": "springs", "law": "axiswise", "stiffness": 2000.0, "damping": 1.0},
+            {"type": "force", "at": ["top", 1, 0], "value": [0.01, -0.02, 0.0]},
+            {"type": "drag", "density": 1.2, "coefficient": 1.2},
+        ],
+    }
+    real, estimate = _real_and_estimated(content, 1e-5, 1.0)
+    assert real <= 1e-5
+    assert real / 1.5 < estimate <= 1e-5
+    run = load_scene(content).with_accuracy(1e-5).build()
+    run.advance_to(1.0)
+    # A bound on what a step adds to a coasting error that grows as 1 / h takes 46 and 10 steps.
+    assert run.statistics.steps + run.statistics.rejected_steps < 40
+
+
+@pytest.mark.parametrize("diagonal", [0.19, 0.25, 0.33])
+def test_the_stages_of_an_error_keep_the_phase_and_the_size_of_an_oscillation(diagonal):
     a, c, moment = _tableau(diagonal)
+    n = len(c)
+    assert n == len(STAGE_PLACES)
     np.testing.assert_array_equal(a, np.tril(a))
     np.testing.assert_allclose(np.diag(a), diagonal)
-    np.testing.assert_allclose(c, [diagonal, INNER[1], 1.0])
-    assert a[2].sum() == pytest.approx(1.0) and a[2] @ c == pytest.approx(0.5)
-    assert moment == pytest.approx(a[2] @ a @ c)
+    np.testing.assert_allclose(c[1:], [(*INNER, 1.0)[place] for place in STAGE_PLACES[1:]])
+    # Taylor's terms of exp(z), row by row of the last stage.
+    row, terms = np.ones(n), []
+    for _ in range(4):
+        terms.append(a[-1] @ row)
+        row = a @ row
+    np.testing.assert_allclose(terms, [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0])
+    assert moment == pytest.approx(terms[2])
+    # Coefficients stay small: large ones would amplify what kept factors leave over.
+    assert np.abs(a).max() < 0.75
+    for z in (0.5j, 1.0j):
+        stages = np.linalg.solve(np.eye(n) - z * a, np.ones(n))
+        turned = stages[-1] / np.exp(z)
+        assert abs(np.angle(turned)) < 2e-3 and abs(abs(turned) - 1.0) < 3e-3
+    # L-stable: nothing is left of stiff parts.
+    stiff = np.linalg.solve(np.eye(n) + 1e9 * a, np.ones(n))
+    assert abs(stiff[-1]) < 1e-6
+
+
+def test_the_phase_of_an_undamped_swing_shows_in_the_estimate() -> None:
+    """Phase errors add up for hundreds of steps; a transport that damps or turns them shows a tenth of them."""
+    content = {
+        "lattice": {"size": [0.14, 0.14, 0.01], "nodes": [2, 2], "mass": 0.1},
+        "effects": [
+            {"type": "springs", "law": "axiswise", "stiffness": 5.0, "damping": 0.0},
+            {"type": "gravity", "acceleration": [0.0, 0.0, -0.5]},
+            {"type": "clamp"},
+        ],
+    }
+    real, estimate = _real_and_estimated(content, 1e-4, 6.0)
+    assert real <= 1e-4
+    assert real / 1.5 < estimate < 10.0 * real

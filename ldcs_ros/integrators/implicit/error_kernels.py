@@ -11,6 +11,8 @@ from ldcs_ros.physics.compiled import compiled
 # Lobatto's inner points; with their weight 5/12 and zero ends, polynomials of degree five are integrated exactly.
 INNER = 0.5 - 0.1 * math.sqrt(5.0), 0.5 + 0.1 * math.sqrt(5.0)
 INNER_WEIGHT = 5.0 / 12.0
+# Each stage of the transport linearises the motion at the first or second inner point or at the end of the step.
+STAGE_PLACES = 0, 1, 0, 1, 2
 
 
 @compiled
@@ -119,14 +121,14 @@ def finish_stage(stage, rate_step, a, known, errors):  # type: ignore[no-untyped
 
 @compiled
 def largest_bulge(free, n, c, start, errors):  # type: ignore[no-untyped-def]
-    """Return the largest distance of a node [m] at both inner stages, their bulge over the chord counted twice."""
+    """Return the largest distance of a node [m] at the first two stages, their bulge over the chord counted twice."""
     most = 0.0
     for k in range(2):
         square, node = 0.0, -1
         for i in range(n):
             if free[i] // 3 != node:
                 node, square = free[i] // 3, 0.0
-            chord = (1.0 - c[k]) * start[i] + c[k] * errors[2, 0, i]
+            chord = (1.0 - c[k]) * start[i] + c[k] * errors[-1, 0, i]
             square += (2.0 * errors[k, 0, i] - chord) ** 2
             most = max(most, square)
     return math.sqrt(most)

@@ -15,8 +15,9 @@ from ldcs_ros.physics.model import Motion
 FOLLOWED = 0.03
 # A step of this length and more shows velocity errors in its own positions [s].
 LONG_STEP = 0.01
-# A loose sheet is followed for this fraction of the time that has passed.
+# A loose sheet is followed for this fraction of the time that has passed, or of the first second.
 AHEAD = 0.5
+SOONEST = 1.0  # s
 # Steps for which the factors of that step are kept.
 MOST_USES = 20
 
@@ -58,7 +59,7 @@ class ErrorOutlook:
         reached = error.distance
         if self._model.is_unconstrained:
             speed = self.momenta.speed(motion.q, self.momenta.of_error(motion, error))
-            reached = max(reached, error.distance + AHEAD * motion.time * speed)
+            reached = max(reached, error.distance + AHEAD * max(motion.time, SOONEST) * speed)
         if h < LONG_STEP:
             shift = FOLLOWED * self._followed(motion, inputs, error.u, counters)
             reached = max(reached, float(largest_distance(self._model.free, shift, self._model.n_free_nodes)))

@@ -184,7 +184,7 @@ class Dirk(Integrator):
         if not (first.frames is second.frames is last.frames):
             first = second = last  # of another factoring
         factors = last.turned(first.turns, 1.0), last.turned(second.turns, 1.0), last.turned(last.turns, 1.0)
-        step, moved = self._transport.advance(step, inputs, error, factors, self._updates, self.counters)
+        step, moved = self._transport.advance(step, inputs, error, factors, self.counters)
         h = step.right.time - step.left.time
         outlook = self._outlook.distance(h, step.right, inputs, moved, self.counters)
         return step, replace(moved, outlook=outlook)

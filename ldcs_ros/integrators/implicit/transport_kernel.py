@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ldcs_ros.integrators.implicit.bordered_kernel import fill_residual, times_mass
-from ldcs_ros.integrators.implicit.broyden import apply_updates
 from ldcs_ros.integrators.implicit.dirk_kernel import solve_turned
 from ldcs_ros.integrators.implicit.error_kernels import (
     INNER,
+    STAGE_PLACES,
     apply_stage,
     column_spins,
     finish_stage,
@@ -55,10 +55,6 @@ def carry_error(  # type: ignore[no-untyped-def]
     h,
     rate_step,
     turns,
-    before,
-    after,
-    squares,
-    count,
     drive,
     steady,
     first,
@@ -75,15 +71,14 @@ def carry_error(  # type: ignore[no-untyped-def]
 
     Args:
         sheet, factors: `SheetTables` and `BandTables`.
-        a, c, moment: Coefficients, times and first moment of the three stages.
+        a, c, moment: Coefficients, times and first moment of the stages.
         h, rate_step: The step and the factors' h [s].
         turns: Rotations of the columns at INNER and the end, shape (3, 2, n_columns, 3, 3).
-        before, after, squares, count: Broyden's updates.
         drive: Drive torques there [N m], shape (3, n_arms, n_links).
         steady: Constant forces.
         first: Acceleration at the start of the step.
         start_q, start_u, end_a: The step's start, and the acceleration at its end.
-        q, u: Prescribed coordinates there; the last row is the end. They change. Shape (3, n_coordinates).
+        q, u: Prescribed coordinates there; the last row is the end. The others change. Shape (3, n_coordinates).
         e_q, e_u: The error at the start, position and rate.
         carried: Becomes the error's position and rate at the end, shape (2, n_free).
 
@@ -110,27 +105,29 @@ def carry_error(  # type: ignore[no-untyped-def]
     times_mass(sheet.inertia, sheet.mass, forces[2], sheet.mass.size)
     mean, slope = np.empty(n_free), np.empty(n_free)
     moments(residual[0], residual[1], moment, mean, slope)
-    errors, known, right, still = np.empty((3, 3, n_free)), np.empty((2, n_free)), residual[0], residual[1]
+    errors, known = np.empty((c.size, 3, n_free)), np.empty((2, n_free))
+    right, still, x, v = residual[0], residual[1], np.empty(q.shape[1]), np.empty(q.shape[1])
     still[:] = 0.0
-    for k in range(3):
-        elapsed = h * (INNER[k] if k < 2 else 1.0)
+    for k in range(c.size):
+        at = STAGE_PLACES[k]
+        elapsed = h * (INNER[at] if at < 2 else 1.0)
+        x[:], v[:] = q[at], u[at]
         known_part(a, k, h, e_q, e_u, errors, known)
         for i in range(n_free):
             acceleration[i] = mean[i] + (c[k] - 0.5) * slope[i]
         rotate_vectors(order, column_spin, elapsed, acceleration)
-        apply_stage(free, order, no_spin, elapsed, rate_step, sheet.mass, known, q[k], u[k], acceleration)
+        apply_stage(free, order, no_spin, elapsed, rate_step, sheet.mass, known, x, v, acceleration)
         fill_residual(
-            sheet.force, drive[k], steady, sheet.scratch, free, sheet.mass, q[k], u[k], still,
+            sheet.force, drive[at], steady, sheet.scratch, free, sheet.mass, x, v, still,
             sheet.inertia, force, right,
         )  # fmt: skip
         for i in range(n_free):
-            right[i] += acceleration[i] - forces[k, i]
-        solve_turned(factors, turns[k], 1.0, right)
-        apply_updates(before, after, squares, count, sheet.reach, right)
+            right[i] += acceleration[i] - forces[at, i]
+        solve_turned(factors, turns[at], 1.0, right)
         finish_stage(k, rate_step, right, known, errors)
     inside = largest_bulge(free, sheet.mass.size, c, e_q, errors)
-    carried[0], carried[1] = errors[2, 0], errors[2, 1]
+    carried[0], carried[1] = errors[-1, 0], errors[-1, 1]
     speed = 0.0
-    for k in range(3):
+    for k in range(c.size):
         speed = max(speed, largest_distance(free, errors[k, 1], sheet.mass.size))
     return inside, speed, angle

@@ -48,11 +48,7 @@ PRESSURE: list[Content] = [{"time": 0.0, "pressure": 40e3}, {"time": 0.2, "press
 # A spring constant at which springs of nodes of a few grams swing some ten times a second.
 SOFT = 5.0
 
-PHASE = (
-    "an error of the phase of a swing lasts the whole minute; the estimate counts half of it with axial springs, less "
-    "than a twentieth with axiswise ones: its three stages turn it out of phase by 0.03 rad in a step of 1 / omega, "
-    "and Broyden's updates that were learned with another length of step damp it"
-)
+PHASE = "an error of the phase of a swing lasts the whole minute and adds up; the estimate counts it"
 
 UNDAMPED = tuple(
     HardCase(
@@ -128,7 +124,7 @@ MASSLESS = tuple(
 
 TURNS = (
     "the edge winds 22 times at up to 420 rad/s; the error falls with the accuracy, 2e-4, 8e-6 m at 1e-5, 1e-6 m, and "
-    "the estimate counts a tenth of it"
+    "the estimate counts it"
 )
 COILED = (
     *(
