@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from ldcs_ros.cli.output import Progress, print_json
 
-ACCURACIES = (1e-4, 1e-5, 1e-6)
+ACCURACIES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 SCENES = 60
 # Processor time that a reference may take; a finer run takes its place above it [s].
 REFERENCE_SECONDS = 2.0

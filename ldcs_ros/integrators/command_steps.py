@@ -35,13 +35,13 @@ FIRST_STEP = 1e-3
 SHORTEST_STEP, LONGEST_STEP = 2e-5, 2.5e-3
 # The carried error, times TRANSPORT_FACTOR, may reach this fraction of the asked accuracy.
 BUDGET = 0.7
-# A step length stays for so long [s].
-DWELL = 0.02
+# A step length stays for so long [s]; for less where the error grows above what it may reach.
+DWELL, SHORT_DWELL = 0.02, 0.005
 # A growth of the error is taken to go on for so long [s].
 AHEAD = 0.05
 # Steps become longer by this factor where the error does not grow and is below this fraction of what it may be.
 GROWTH, CALM = 1.4, 0.6
-LEAST_GROWTH, LEAST_CHANGE = 0.6, 1.2
+LEAST_GROWTH, LEAST_CHANGE = 0.5, 1.2
 # Velocities that are wrong already let the error grow whatever steps do: by this fraction of what it may reach.
 LEAST_ROOM = 0.3
 # BDF2 is zero-stable up to 1 + sqrt(2) (Hairer, Norsett and Wanner, section III.5); this keeps a distance.
@@ -286,7 +286,8 @@ class CommandSteps(AdaptiveSteps):
         """
         elapsed, growth = run.time - run.since, run.distance - run.level
         factor = GROWTH if run.distance < CALM * self._target else 1.0
-        if elapsed < DWELL:
+        is_too_large = growth > 0.0 and run.distance > self._target
+        if elapsed < (SHORT_DWELL if is_too_large else DWELL) - TIME_TOLERANCE:
             return run
         if growth > 0.0:
             room = max(self._target - run.distance, LEAST_ROOM * self._target)

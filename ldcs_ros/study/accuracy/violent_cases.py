@@ -28,7 +28,7 @@ def violent_cases() -> list[Case]:
     push = {"frame": "P1_aligned", "force": [0.0, 0.0, 50.0]}
     pulse = [{"time": 0.1, "wrench": push}, {"time": 0.100001, "wrench": push | {"force": [0.0, 0.0, 0.0]}}]
     cases.append(Case("pulse_of_1_us", _content([4, 3], CLAMP, {"type": "wrench"}) | {"inputs": pulse}, 0.5))
-    for duration in (10.0, 60.0):
+    for duration in (10.0, 60.0, 120.0):
         free = _content([3, 3], damping=0.05, gravity=False)
         cases.append(
             Case(f"free_flight_{duration:g}_s", free, duration, spin=(0.4, 0.3, 1.0), drift=(0.1, 0.0, 0.05))
