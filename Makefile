@@ -28,7 +28,7 @@ sim: setup  ## run the live node: SCENE=paper RTF=1 DURATION=0 RECORD=out/NAME N
 	@SCENE='$(SCENE)' RTF='$(RTF)' DURATION='$(DURATION)' RECORD='$(RECORD)' NETWORK='$(NETWORK)' exec tools/sim.sh
 
 # Tests marked `timed` hold their limits of time while nothing else runs. The others use all cores.
-TIMED := $(wildcard test/faults test/rig test/ros)
+TIMED := $(wildcard test/bags test/cli test/estimate test/faults test/rig test/ros)
 # Types are checked against the wheels of ROS 2; a distribution's own rclpy has others, or none.
 test: setup lint $(if $(ROS_DISTRO),,types) $(STAND_IN)  ## check style and types, then run the test suite but the slow ones: PYTEST='-k word'
 	@source tools/environment.sh && export ROS_PYTHON_CHECK_FIELDS=1 && $(if $(PYTEST),exec $(BIN)/python -m pytest $(PYTEST), \

@@ -210,6 +210,7 @@ def test_a_writer_that_nobody_closed_is_closed_at_exit(tmp_path):
     assert read_bag(tmp_path / "bag").count == 1
 
 
+@pytest.mark.timed
 def test_a_write_costs_the_caller_less_than_20_microseconds(tmp_path):
     cloud = bytes(162 * 24)
     costs = []

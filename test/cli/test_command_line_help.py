@@ -19,6 +19,7 @@ def in_a_process(*words, **options):
     )
 
 
+@pytest.mark.timed
 def test_help_is_fast_and_loads_no_numpy():
     # CPU time, and the best of a few: the machine may be busy.
     assert min(timed(HELP) for _ in range(5)) < 0.2
